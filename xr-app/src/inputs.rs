@@ -186,7 +186,7 @@ mod tests {
             (start.state.transfer.name, start.unit)
         };
         assert_eq!(first("bones.ply"), ("CT-Bone".into(), " HU"));
-        assert_eq!(first("ct.nii"), ("MR-Default".into(), ""), "without air it is no CT");
+        assert_eq!(first("ct.nii"), ("CT-Bone".into(), " HU"), "its name says that it is one");
         let path = folder.path().join("mr.ply");
         let bones =
             splat::read(&folder.path().join("bones.ply"), &splat::ReadOptions::default()).expect("splats");

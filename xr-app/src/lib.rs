@@ -5,7 +5,7 @@
 //! ```text
 //! android -> program -> arguments -> mirror -> onlooker          arguments, android -> headset
 //! program -> viewer -> placement -> headset          program -> memory, pointing, statistics
-//! program -> loading -> viewer -> keeping          program -> keeping
+//! program -> loading -> viewer, headset          viewer -> keeping          program -> keeping
 //! program, arguments -> inputs -> controls
 //! viewer -> bodies, controls, pointing, sight, composer, statistics, onlooker          viewer, bodies -> rods          bodies -> headset
 //! pointing -> controls -> placement -> headset          pointing -> outline, palm          pointing -> marks -> panel, sheets

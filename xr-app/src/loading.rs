@@ -1,11 +1,9 @@
 //! What eyes see while the scene is made ready: a few words, at once, instead of seconds of black.
 
-use std::sync::atomic::{AtomicBool, Ordering};
-
 use engine::gpu::Gpu;
 use engine::render::{Look, Quality, QualityLevel, Scene, mode};
 use engine::splat::{Activations as _, Splat, SplatSet};
-use engine::{Error, Kind, Result, transfer};
+use engine::{Result, transfer};
 
 use crate::headset::Headset;
 use crate::viewer::{Options, Viewer};
@@ -13,31 +11,24 @@ use crate::viewer::{Options, Viewer};
 /// The words.
 const WORDS: &str = "Loading the patient …";
 
-/// Makes something of the device while the headset shows that it is being made. Returns it, and true if the session has
-/// ended meanwhile.
+/// Makes something of the device after the headset has shown the words, which stay: a runtime shows the last frame
+/// until the next one. Frames meanwhile would use the device's queue beside what is made, which Vulkan forbids. Returns
+/// it, and true if the session has ended.
 ///
 /// # Errors
-/// Returns the errors of `make` before those of the headset.
+/// Returns the errors of the headset, then those of `make`.
 pub fn while_loading<T>(
     gpu: &Gpu,
     headset: &mut dyn Headset,
     background: [f32; 3],
     make: impl FnOnce() -> Result<T>,
 ) -> Result<(T, bool)> {
-    let done = AtomicBool::new(false);
-    std::thread::scope(|scope| {
-        let shown = scope.spawn(|| show(gpu, headset, background, &done));
-        let made = make();
-        done.store(true, Ordering::Relaxed);
-        let shown = shown.join().unwrap_or_else(|_| {
-            Err(Error::new(Kind::Internal, "VGS-XR-034", "what shows that the patient is loaded has failed"))
-        });
-        Ok((made?, shown?))
-    })
+    let over = show(gpu, headset, background)?;
+    Ok((make()?, over))
 }
 
 /// Shows the words over a scene in which nothing is seen. Returns true if the session has ended.
-fn show(gpu: &Gpu, headset: &mut dyn Headset, background: [f32; 3], done: &AtomicBool) -> Result<bool> {
+fn show(gpu: &Gpu, headset: &mut dyn Headset, background: [f32; 3]) -> Result<bool> {
     let mut nothing = Splat { rotation: [1.0, 0.0, 0.0, 0.0], intensity: -1000.0, ..Splat::default() };
     nothing.set_scale([1.0; 3]);
     let set = SplatSet { splats: vec![nothing], ..SplatSet::default() };
@@ -57,5 +48,5 @@ fn show(gpu: &Gpu, headset: &mut dyn Headset, background: [f32; 3], done: &Atomi
         card: false,
         start: None,
     };
-    Viewer::of(gpu, scene, &headset.description().clone(), options)?.show_words(headset, WORDS, done)
+    Viewer::of(gpu, scene, &headset.description().clone(), options)?.show_words(headset, WORDS)
 }

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::time::Duration;
+use std::time::{Duration, Instant};
 
 use engine::Result;
 use engine::budget::{Controller, budget_ms};
@@ -57,6 +57,9 @@ const WARM_UP: [f64; 3] = [0.6, 0.35, 0.2];
 
 /// Time from one look for events to the next while no frames are wanted.
 const IDLE: Duration = Duration::from_millis(10);
+/// Frames that show words before a scene is made ready, and the time that is waited for them.
+const WORDS_FRAMES: u32 = 3;
+const WORDS_TIME: Duration = Duration::from_secs(1);
 
 /// Shows a scene in a headset.
 pub struct Viewer {
@@ -219,16 +222,19 @@ impl Viewer {
         self.note_finished()
     }
 
-    /// Shows the scene and a few words before the eyes until `done` is set. Returns true if the session has ended
+    /// Shows the scene and a few words before the eyes, in a few frames. Returns true if the session has ended
     /// meanwhile.
-    pub fn show_words(&mut self, headset: &mut dyn Headset, words: &str, done: &AtomicBool) -> Result<bool> {
-        while !self.over && !done.load(Ordering::Relaxed) {
+    pub fn show_words(&mut self, headset: &mut dyn Headset, words: &str) -> Result<bool> {
+        let begun = Instant::now();
+        let mut frames = 0;
+        while !self.over && frames < WORDS_FRAMES && begun.elapsed() < WORDS_TIME {
             for event in headset.poll()? {
                 self.handle_event(event);
             }
             if headset.running() {
                 self.controls.feedback.say(words);
                 self.frame(headset)?;
+                frames += 1;
             } else if !self.over {
                 std::thread::sleep(IDLE);
             }

@@ -332,23 +332,24 @@ mod tests {
 
     #[test]
     fn outlines_are_as_far_apart_as_they_were_moved() {
-        // A slab of four voxels along x, of 2 mm each. A tenth of its outline, by area, is at the edge of the volume.
+        // A slab of four voxels along x, of 2 mm each. A sixth of its outline, by area, is at the edges of the
+        // volume, and does not move.
         let world = glam::DAffine3::from_scale(DVec3::new(2.0, 1.0, 1.0));
         let size = [12, 40, 40];
         let volume = Volume::new(size, world, vec![0.0; 19200]);
         let mask = (0..19200).map(|i| f32::from(u8::from((4..8).contains(&(i % 12))))).collect();
         let roi = Roi::new(mask, &volume).unwrap();
         let protocol =
-            Protocol { offsets: random_offsets(16, 5), range: [-1000.0, 1000.0], shell: 2, threshold: 0.0 };
+            Protocol { offsets: random_offsets(256, 5), range: [-1000.0, 1000.0], shell: 2, threshold: 0.0 };
         let apart = |moved: f64| {
             let field = |x: DVec3| (0.0, roi.trilinear(x - DVec3::new(moved, 0.0, 0.0)));
             evaluate_field(field, &volume, &roi, &protocol).outline_apart().expect("an outline")
         };
         let [voxels, mm] = apart(0.25);
-        assert!((0.2..0.26).contains(&voxels), "{voxels} voxels");
-        assert!((0.37..0.51).contains(&mm), "{mm} mm");
+        assert!((0.15..0.26).contains(&voxels), "{voxels} voxels");
+        assert!((0.28..0.51).contains(&mm), "{mm} mm");
         let half = apart(0.125)[0];
-        assert!((half / voxels - 0.5).abs() < 0.1, "{half} of {voxels}");
+        assert!((half / voxels - 0.5).abs() < 0.15, "{half} of {voxels}");
         assert_eq!(apart(0.0), [0.0; 2]);
         let none = Protocol { offsets: Vec::new(), ..protocol };
         assert_eq!(evaluate_field(|_| (0.0, 1.0), &volume, &roi, &none).outline_apart(), None);

@@ -95,15 +95,15 @@ mod tests {
     fn a_light_keeps_its_direction_to_what_it_is_fixed_to() {
         // In front of the patient, and at the left side: right, up, towards the viewer.
         let front = [DVec3::NEG_X, DVec3::Z, DVec3::Y];
-        let left = [DVec3::Y, DVec3::Z, DVec3::NEG_X];
+        let left = [DVec3::NEG_Y, DVec3::Z, DVec3::NEG_X];
         let mut light = Light::default();
         assert!(light.seen(front) == light.seen(left) && (light.seen(front).length() - 1.0).abs() < 1e-12);
         let seen = light.seen(front);
         light.fix(FixedTo::Patient, front);
         assert!(light.seen(front).distance(seen) < 1e-12, "it has not moved");
-        // What was to the viewer's left in front is behind from the patient's left side; what was towards the viewer is
-        // to the right.
-        let wanted = DVec3::new(seen.z, seen.y, -seen.x);
+        // From the patient's left side, what was towards the viewer in front is to the left, and what was to the right is
+        // towards the viewer.
+        let wanted = DVec3::new(-seen.z, seen.y, seen.x);
         assert!(light.seen(left).distance(wanted) < 1e-12, "{} for {wanted}", light.seen(left));
         light.aim(DVec3::Z, left);
         assert!(DVec3::from_array(light.towards).distance(DVec3::NEG_X) < 1e-12, "at the patient's left");

@@ -78,6 +78,7 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("VGS-TF-005", "a window that cannot be understood"),
     ("VGS-TF-006", "no transfer function of this name, and no file"),
     ("VGS-TF-008", "a file of transfer functions that cannot be read"),
+    ("VGS-VIEW-050", "a packed session that cannot be used"),
     ("VGS-VIEW-002", "not a session file"),
     ("VGS-VIEW-003", "a value of a session file is wrong"),
     ("VGS-VOL-003", "the file is empty"),

@@ -340,7 +340,7 @@ pub const INPUTS: &[Row] = &[
         number: 38,
         input: "splats of NaN, ∞, no rotation, absurd scales",
         must: "dropped and counted; refused where the reader is strict",
-        tests: &[t(PLY, "unusable_splats_are_dropped_and_counted", &[])],
+        tests: &[t("engine/src/splat/ply/tests/unusual.rs", "unusable_splats_are_dropped_and_counted", &[])],
         verdict: Holds,
     },
     Row {

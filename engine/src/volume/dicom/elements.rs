@@ -90,8 +90,8 @@ elements! {
     CONCATENATION_UID: UI, "Concatenation UID", Fine("the file is whole");
     IN_CONCATENATION_NUMBER: US, "In-concatenation Number", Needed;
     IN_CONCATENATION_TOTAL_NUMBER: US, "In-concatenation Total Number", Fine("the parts from 1 on without a gap are all");
-    ROWS: US, "Rows", Fine("an error that names it, or no image where Bits Allocated and Columns are absent, too");
-    COLUMNS: US, "Columns", Fine("an error that names it, or no image where Bits Allocated and Rows are absent, too");
+    ROWS: US, "Rows", Needed;
+    COLUMNS: US, "Columns", Needed;
     NUMBER_OF_FRAMES: IS, "Number of Frames", Is(1.0);
     SAMPLES_PER_PIXEL: US, "Samples per Pixel", Needed;
     PHOTOMETRIC_INTERPRETATION: CS, "Photometric Interpretation", Needed;

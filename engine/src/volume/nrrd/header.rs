@@ -180,6 +180,13 @@ pub(super) fn bad(code: &'static str, message: impl Into<String>) -> Error {
     Error::new(Kind::BadData, code, message)
 }
 
+/// Returns the error of a header whose voxels are in several files.
+pub(super) fn several_files(name: &str) -> Error {
+    let message = format!("the voxels are in several files ('data file: {}')", excerpt(name));
+    bad("VGS-NRD-017", message)
+        .help("write the volume as one file (teem: unu save -f nrrd -i IN.nhdr -o OUT.nrrd)")
+}
+
 impl Header {
     /// Reads the lines up to the empty one.
     pub fn read(source: &mut Source) -> Result<Header> {
@@ -199,9 +206,8 @@ impl Header {
                 bad("VGS-NRD-002", message).help("correct the header, or export the volume again")
             })?;
             // The names of the files follow, and nothing else.
-            if header.field("data file").is_some_and(|files| files.split_whitespace().next() == Some("LIST"))
-            {
-                return Ok(header);
+            if let Some(files) = header.field("data file").filter(|files| files.starts_with("LIST")) {
+                return Err(several_files(files));
             }
         }
         // A header whose voxels are in another file may end with its file.

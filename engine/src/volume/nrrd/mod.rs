@@ -18,7 +18,7 @@ use std::fs;
 use std::path::{Path, PathBuf};
 
 pub(super) use self::header::FIELDS;
-use self::header::{Encoding, Header, bad};
+use self::header::{Encoding, Header, bad, several_files};
 use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
 use super::text_header::{check_grid, excerpt, names_several, open_beside, path_beside, skip_lines};
@@ -95,9 +95,7 @@ fn open_payload(
     let mut packing = if encoding == Encoding::Gzip { Packing::Gzip } else { Packing::Plain };
     if let Some(name) = fields.field("data file") {
         if names_several(name) {
-            let message = format!("the voxels are in several files ('data file: {}')", excerpt(name));
-            return Err(bad("VGS-NRD-017", message)
-                .help("write the volume as one file (teem: unu save -f nrrd -i IN.nhdr -o OUT.nrrd)"));
+            return Err(several_files(name));
         }
         (source, path) = open_beside(header, name, options.lenient)?;
         // A file that is gzip as a whole is unpacked on the way.

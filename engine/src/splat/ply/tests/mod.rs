@@ -563,7 +563,7 @@ fn files_are_described_and_never_replaced_by_accident() {
     assert_eq!(summary.file_bytes, std::fs::metadata(&path).expect("the file").len());
 
     let error = read(folder.path(), &STRICT).expect_err("a folder is no file");
-    assert_eq!(error.kind, Kind::Io);
+    assert_eq!(error.kind, Kind::BadData);
     std::fs::write(&path, "ply\n").expect("writing");
     assert_eq!(read(&path, &STRICT).expect_err("half a header").file, Some(path));
 }

@@ -220,7 +220,7 @@ fn what_is_no_volume_is_refused_by_name() {
         ("VGS-DCM-011", |file| file.syntax = "1.2.840.10008.1.2.4.80"),
         ("VGS-DCM-004", |file| file.remove((0x0020, 0x0032))),
         ("VGS-DCM-021", |file| file.text((0x0028, 0x0030), b"DS", "0\\1")),
-        ("VGS-DCM-004", |file| file.remove((0x0028, 0x0010))),
+        ("VGS-DCM-022", |file| file.remove((0x0028, 0x0010))),
         ("VGS-DCM-012", |file| file.put((0x7fe0, 0x0010), b"OW", words(&[1; 6]))),
         ("VGS-DCM-021", |file| file.text((0x0028, 0x1053), b"DS", "1e400")),
     ];

@@ -280,7 +280,9 @@ mod tests {
     #[test]
     fn the_last_two_stay_whoever_wrote_them() {
         let folder = tempfile::tempdir().unwrap();
-        let write = |c: &Checkpoints, k| c.write_splats(&SplatSet::default(), k).expect("written");
+        let splat = splat::Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..splat::Splat::default() };
+        let set = SplatSet { splats: vec![splat], ..SplatSet::default() };
+        let write = |c: &Checkpoints, k| c.write_splats(&set, k).expect("written");
         let names = || {
             let names = std::fs::read_dir(folder.path()).unwrap().map(|e| e.unwrap().file_name());
             let mut names: Vec<_> = names.map(|name| name.into_string().unwrap()).collect();

@@ -1,3 +1,5 @@
+//! long: what drives the window without a screen stands here, with the tests of what has no file of its own.
+
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
 use engine::fidelity::ShownError;
 use engine::render::{Intensities, SplatKind};
