@@ -78,7 +78,9 @@ fn two_hundred_frames_under_monado() {
         "poses are asked for before light: {percentiles:?} ms"
     );
     let bins = report["latency_histogram_ms"]["counts"].as_array().expect("bins");
-    assert_eq!(bins.iter().map(|n| n.as_u64().expect("a count")).sum::<u64>(), rendered);
+    // Of late frames the time from motion to light is not known.
+    let late = report["late"].as_u64().expect("a count");
+    assert_eq!(bins.iter().map(|n| n.as_u64().expect("a count")).sum::<u64>() + late, rendered);
     let eyes = engine::image::read(folder.path().join("eyes.png")).expect("a picture").image;
     let seen = eyes.pixels.iter().filter(|p| p[0] > 0.3).count();
     assert!(seen > 100, "{seen} pixels of the scene are seen");
