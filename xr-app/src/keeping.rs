@@ -46,7 +46,7 @@ impl Keeper {
         }
         self.next = seconds + EVERY;
         // What fails is tried again at the end, and told then.
-        self.writing = self.task(state()).map(|task| std::thread::spawn(task));
+        self.writing = self.task(state()).map(std::thread::spawn);
     }
 
     /// Writes the last state, if anything has been made since the last time. Returns the file, if there is one: the one that

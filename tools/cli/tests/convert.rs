@@ -319,7 +319,7 @@ fn a_splat_far_from_all_others_is_told_and_not_framed() {
     let picture = |name: &str| {
         let ended = folder.run(&["render", name, "-o", "a.png", "--size", "48x48", "--force"]);
         assert_eq!(ended.code, 0, "{}", ended.err);
-        let image = engine::image::read(&folder.path("a.png")).expect("a picture").image;
+        let image = engine::image::read(folder.path("a.png")).expect("a picture").image;
         (ended.err, image.pixels.iter().filter(|pixel| pixel[..3].iter().any(|c| *c > 0.1)).count())
     };
     let ((quiet, wanted), (told, seen)) = (picture("near.ply"), picture("far.ply"));

@@ -99,6 +99,7 @@ const SEVERAL_SERIES: &str = "VGS-DCM-006";
 /// Turn of work whose result is wanted whatever is opened meanwhile.
 const ALWAYS: u64 = 0;
 
+#[expect(clippy::large_enum_variant, reason = "few are on the way at a time")]
 enum Message {
     /// Work has begun, or a part of it is done, 0 to 1.
     Doing(String, Option<f32>),

@@ -86,7 +86,7 @@ impl OverlayImage {
         let mut input = RawInput { screen_rect: Some(rect), ..RawInput::default() };
         let viewport = input.viewports.entry(ViewportId::ROOT).or_default();
         viewport.native_pixels_per_point = Some(self.pixels_per_point);
-        viewport.inner_rect = Some(Rect::from_min_size(rect.min, Vec2::from(rect.size())));
+        viewport.inner_rect = Some(Rect::from_min_size(rect.min, rect.size()));
         input
     }
 }
