@@ -2,7 +2,7 @@
 //! colours for slices and pictures.
 //!
 //! The figures are those of [`evaluate`](crate::fit::evaluate), the voxels' errors those of
-//! [`ErrorMap`](crate::fit::errors::ErrorMap): what `vgs eval` tells. Splats that were fitted for the voxels alone
+//! [`ErrorMap`]: what `vgs eval` tells. Splats that were fitted for the voxels alone
 //! are shown by their decoded field, and measured by it.
 //!
 //! Colours go from blue, where the splats are too low, over white to red. A picture shows them as objects: each voxel

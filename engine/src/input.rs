@@ -10,7 +10,7 @@ use crate::error::NotAFile;
 /// writes to it, and that may be never.
 ///
 /// # Errors
-/// Those of [`File::open`], and an error around [`NotAFile`], which [`Error::io`](crate::Error::io) knows.
+/// Those of [`File::open`], and an error around `NotAFile`, which [`Error::io`](crate::Error::io) knows.
 pub fn open(path: impl AsRef<Path>) -> io::Result<File> {
     let path = path.as_ref();
     refuse_others(fs::metadata(path)?.file_type())?;
