@@ -5,8 +5,9 @@ use std::collections::BTreeMap;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
+use super::label_choice::resolve;
 use super::mask_values::label_of;
-use super::roi::{Grids, relate, resolve};
+use super::roi::{Grids, relate};
 use super::{LabelChoice, Volume};
 use crate::{Error, Kind, Result};
 

@@ -15,6 +15,7 @@
 //! | `fields` | [`FieldRow`]: what a reader does with a field of a header |
 //! | `mask_values` | what the values of a mask stand for |
 //! | `roi`, `labels` | [`Roi`]: the voxels that are fitted; [`Labels`]: the label of each voxel |
+//! | `label_choice` | [`LabelChoice`]: which labels of a map are meant |
 //! | `present` | [`PresentLabel`]: the labels that a mask has, and what each covers |
 //! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold; pieces, closing and holes of masks |
 //! | `bricks`, `distance` | [`Bricks`]: the blocks of 8³ voxels that a region touches; distances to a mask |
@@ -34,6 +35,7 @@ mod formats;
 mod interpolation;
 pub mod inv3;
 mod kind_of_scan;
+mod label_choice;
 mod labels;
 mod mask_values;
 pub mod metaimage;
@@ -57,10 +59,11 @@ pub use cleaning::Cleaning;
 pub use fields::FieldRow;
 pub use formats::{FORMATS, Format, files_of};
 pub use interpolation::trilinear;
+pub use label_choice::LabelChoice;
 pub use labels::Labels;
 pub use present::PresentLabel;
 pub use read_options::{Grid, ReadOptions};
-pub use roi::{LabelChoice, Roi};
+pub use roi::Roi;
 pub use source::SNIFF_BYTES;
 pub use volume::{Stats, Volume};
 

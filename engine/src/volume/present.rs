@@ -4,8 +4,9 @@ use glam::DVec3;
 use serde::Serialize;
 
 use super::Volume;
+use super::label_choice::present_labels;
 use super::mask_values::{is_whole, label_of};
-use super::roi::{Grids, in_box, present_labels, relate};
+use super::roi::{Grids, in_box, relate};
 use crate::Result;
 
 /// A label that some voxels of a mask have.

@@ -1,4 +1,4 @@
-//! docs/use/error-codes.md is what the sources say: every code with its exit code, its messages and its module.
+//! docs/use/error-codes.md is what the sources say: every code with its exit code and its meaning.
 //! `VGS_WRITE_ERROR_CODES=1` writes the page anew.
 //!
 //! The sources are read as tokens, not compiled; `sites` says which ways of making an error it understands, and a test holds
@@ -46,7 +46,6 @@ on stderr, and `\"code\": \"VGS-NII-012\"` with `--json`. The exit code of the p
 struct CodeRow {
     kinds: BTreeSet<String>,
     messages: BTreeSet<String>,
-    modules: BTreeSet<String>,
 }
 
 fn page() -> PathBuf {
@@ -60,25 +59,8 @@ fn rows(sites: &[Site]) -> BTreeMap<String, CodeRow> {
         let row = rows.entry(site.code.clone()).or_default();
         row.kinds.extend(site.kinds.clone());
         row.messages.extend(site.messages.iter().filter(|message| says_something(message)).cloned());
-        row.modules.insert(module(&site.file));
     }
     rows
-}
-
-/// Returns the module of a source, as `engine::volume`: its folder, or itself where it lies in `src`.
-fn module(file: &str) -> String {
-    let (folder, inside) = file.split_once("/src/").unwrap_or(("", file));
-    let name = match folder {
-        "tools/cli" => "vgs",
-        "tools/view" => "view",
-        "tools/bench" => "bench",
-        "tools/studies" => "studies",
-        "xr-app" => "vgs-xr",
-        other => other,
-    };
-    let parts: Vec<&str> = inside.trim_end_matches(".rs").split('/').collect();
-    let parts = &parts[..(parts.len() - 1).max(1)];
-    std::iter::once(&name).chain(parts).copied().collect::<Vec<_>>().join("::")
 }
 
 /// True if a message has words of its own besides what is put in.
@@ -143,24 +125,21 @@ fn written(rows: &BTreeMap<String, CodeRow>) -> String {
     out += "\n0 is success; 130 and 143 are a stop by a signal, with what was reached written.\n";
     for (group, heading) in GROUPS {
         let inside = |code: &str| code.split('-').nth(1) == Some(group);
-        let _ =
-            writeln!(out, "\n## {group}: {heading}\n\n| code | exit | message | module |\n|---|---|---|---|");
+        let _ = writeln!(out, "\n## {group}: {heading}\n\n| code | exit | message |\n|---|---|---|");
         for (code, row) in rows.iter().filter(|(code, _)| inside(code)) {
             let exits: BTreeSet<u8> = row.kinds.iter().filter_map(|kind| exit_code(kind)).collect();
             let exits: Vec<String> = exits.iter().map(u8::to_string).collect();
-            let modules: Vec<String> = row.modules.iter().map(|module| format!("`{module}`")).collect();
             let wording = wording(code, row);
-            let _ = writeln!(out, "| {code} | {} | {wording} | {} |", exits.join(", "), modules.join(", "));
+            let _ = writeln!(out, "| {code} | {} | {wording} |", exits.join(", "));
         }
     }
     out
 }
 
-/// Returns the messages of a code, and before them its meaning where `MEANINGS` has one.
+/// Returns the meaning of a code where `MEANINGS` has one, else its messages.
 fn wording(code: &str, row: &CodeRow) -> String {
     let messages = row.messages.iter().map(|message| message.replace('|', "\\|").replace('<', "\\<"));
-    let meaning = meaning(code).map(|meaning| format!("*{meaning}*"));
-    meaning.into_iter().chain(messages).collect::<Vec<_>>().join("<br>")
+    meaning(code).map_or_else(|| messages.collect::<Vec<_>>().join("<br>"), str::to_owned)
 }
 
 /// Returns when errors of a kind come.

@@ -163,12 +163,12 @@ pub fn element_rows() -> Vec<ElementRow> {
         absent: match element.absence {
             Is(value) => format!("{value}"),
             Fine(text) => text.to_owned(),
-            Needed => "an error that names it".to_owned(),
+            Needed => "refused".to_owned(),
             Shown => "not shown".to_owned(),
         },
         unreadable: match element.absence {
             Shown => "not shown",
-            _ => "an error that names it",
+            _ => "refused",
         },
     };
     ELEMENTS.iter().map(row).collect()

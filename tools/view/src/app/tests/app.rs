@@ -1,5 +1,3 @@
-//! long: what drives the window without a screen stands here, with the tests of what has no file of its own.
-
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
 use engine::fidelity::ShownError;
 use engine::render::{Intensities, SplatKind};
@@ -13,6 +11,8 @@ use crate::region::RegionSize;
 use crate::state::{Object, SplatMode};
 use crate::transfer::Transfer;
 
+#[path = "bench.rs"]
+mod bench;
 #[path = "beside.rs"]
 mod beside;
 #[path = "deletions.rs"]
@@ -32,177 +32,7 @@ mod modes;
 #[path = "slices.rs"]
 mod slices;
 
-const SCREEN: Rect = Rect { min: Pos2::ZERO, max: pos2(1200.0, 800.0) };
-
-/// An app in a window that is not there.
-struct Bench {
-    context: Context,
-    app: App,
-    time: f64,
-    /// True if the picture has a lower quality than it will have.
-    draft: bool,
-    /// Kind of the splats; `None` if there are none.
-    kind: Option<SplatKind>,
-    /// Error of the splats against the volume, and true if the picture has its colours.
-    error: Option<ShownError>,
-    error_shown: bool,
-    intensities: Vec<Intensities>,
-    /// The fit beside the window.
-    fit: Option<FitStatus>,
-    /// The region of the volume.
-    region: Option<RegionSize>,
-    /// Number of splats that are deleted.
-    deleted: usize,
-    /// True if there are splats beside the others, and if there is a volume.
-    beside: bool,
-    volume: bool,
-    /// True if there is nothing to see.
-    nothing: bool,
-    dropped: Vec<egui::DroppedFileHandle>,
-    shapes: Vec<egui::epaint::ClippedShape>,
-}
-
-impl Bench {
-    fn new() -> Self {
-        let mut state = ViewState::new(&PRESETS[0].over([-1000.0, 2000.0]));
-        state.files.splats = vec!["a.ply".into()];
-        state.objects = vec![Object::new(0, Some(1), "liver"), Object::new(0, Some(2), "aorta")];
-        let mut settings = Settings::default();
-        settings.notice_seen = true;
-        let mut bench = Bench {
-            context: Context::default(),
-            app: App::new(state, None, settings),
-            time: 0.0,
-            draft: false,
-            kind: Some(SplatKind::Field),
-            error: None,
-            error_shown: false,
-            intensities: Vec::new(),
-            fit: None,
-            region: None,
-            deleted: 0,
-            beside: false,
-            volume: true,
-            nothing: false,
-            dropped: Vec::new(),
-            shapes: Vec::new(),
-        };
-        // Panels know their size after the first frame.
-        bench.rest();
-        bench
-    }
-
-    /// Returns a frame with these events. The scene is a ball of 100 mm seen at its nearest point.
-    fn frame(&mut self, events: Vec<Event>, modifiers: Modifiers) -> Vec<Action> {
-        self.time += 0.05;
-        let events = [vec![Event::ModifiersChanged(modifiers)], events].concat();
-        let dropped_files = std::mem::take(&mut self.dropped);
-        let input = RawInput {
-            screen_rect: Some(SCREEN),
-            time: Some(self.time),
-            events,
-            dropped_files,
-            ..RawInput::default()
-        };
-        let distance = self.app.state.orbit.distance_mm;
-        let depth = move |_: DVec2| Some(distance - 100.0);
-        let info = PanelInfo {
-            bounds: (!self.nothing).then_some([DVec3::splat(-100.0), DVec3::splat(100.0)]),
-            range: [-1000.0, 2000.0],
-            unit: " HU",
-            splats: self.kind.map(|_| 1000),
-            kind: self.kind,
-            error: self.error.as_ref().map_or(Measured::Nothing, Measured::Found),
-            error_shown: self.error_shown,
-            sigma_mm: self.kind.map(|_| 1.5),
-            beside: self.beside,
-            volume: self.volume,
-            object_splats: &[600, 400],
-            object_intensities: &self.intensities,
-            draft: self.draft,
-            depth: &depth,
-            sample: &|x| Some(x.y),
-            sample_beside: &|_| Some(77.0),
-            fit: self.fit.as_ref(),
-            region: self.region,
-            deleted: self.deleted,
-            volume_bounds: Some([DVec3::splat(-150.0), DVec3::splat(150.0)]),
-            sample_whole: &|x| Some((x.y, f64::from(u8::from(x.x > 0.0)))),
-            ..PanelInfo::default()
-        };
-        let mut actions = Vec::new();
-        let output = self.context.run_ui(input, |ui| actions.extend(self.app.ui(ui, &info)));
-        self.shapes.clone_from(&output.shapes);
-        output.drop_without_applying_deltas();
-        actions
-    }
-
-    fn rest(&mut self) {
-        self.frame(Vec::new(), Modifiers::NONE);
-        self.frame(Vec::new(), Modifiers::NONE);
-    }
-
-    fn press(&mut self, key: Key, modifiers: Modifiers) -> Vec<Action> {
-        let event = |pressed| Event::Key { key, physical_key: None, pressed, repeat: false, modifiers };
-        let actions = self.frame(vec![event(true)], modifiers);
-        self.frame(vec![event(false)], Modifiers::NONE);
-        self.rest();
-        actions
-    }
-
-    fn button(
-        &mut self,
-        pos: Pos2,
-        button: PointerButton,
-        pressed: bool,
-        modifiers: Modifiers,
-    ) -> Vec<Action> {
-        let event = Event::PointerButton { pos, button, pressed, modifiers };
-        self.frame(vec![Event::PointerMoved(pos), event], modifiers)
-    }
-
-    fn click(&mut self, at: Pos2) -> Vec<Action> {
-        self.frame(vec![Event::PointerMoved(at)], Modifiers::NONE);
-        self.button(at, PointerButton::Primary, true, Modifiers::NONE);
-        let actions = self.button(at, PointerButton::Primary, false, Modifiers::NONE);
-        // The next click must not become part of a double click.
-        self.time += 1.0;
-        self.rest();
-        actions
-    }
-
-    /// Drags in ten moves.
-    fn drag(&mut self, from: Pos2, by: egui::Vec2, button: PointerButton, modifiers: Modifiers) {
-        self.frame(vec![Event::PointerMoved(from)], modifiers);
-        self.button(from, button, true, modifiers);
-        for i in 1..=10 {
-            self.frame(vec![Event::PointerMoved(from + by * (i as f32 / 10.0))], modifiers);
-        }
-        self.button(from + by, button, false, modifiers);
-        self.rest();
-    }
-
-    /// Returns the middle of a text on the screen.
-    fn find(&self, text: &str) -> Pos2 {
-        self.place_of(text).unwrap_or_else(|| panic!("{text:?} is not on the screen"))
-    }
-
-    fn place_of(&self, text: &str) -> Option<Pos2> {
-        self.places_of(text).first().copied()
-    }
-
-    fn places_of(&self, text: &str) -> Vec<Pos2> {
-        let of = |clipped: &egui::epaint::ClippedShape| match &clipped.shape {
-            Shape::Text(shape) if shape.galley.text() == text => Some(shape.visual_bounding_rect().center()),
-            _ => None,
-        };
-        self.shapes.iter().filter_map(of).collect()
-    }
-
-    fn middle(&self) -> Pos2 {
-        self.app.picture().center()
-    }
-}
+use bench::{Bench, SCREEN};
 
 /// Returns a set of these objects, all splats of one at one intensity.
 fn set_of(intensities: &[f32]) -> SplatSet {
