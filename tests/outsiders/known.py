@@ -1,7 +1,7 @@
 """What is known: where vgs is wrong, where others read otherwise than is right, and what none of them confirms."""
 
-# Cases and real files that vgs reads wrongly in silence, by name, with the reason. The test fails as soon as one is mended
-# or another one appears: an entry goes when its reader is mended.
+# Cases and real files that vgs reads wrongly, or refuses although nothing is odd, by name, with the reason. The test fails
+# as soon as one is mended or another one appears: an entry goes when its reader is mended.
 KNOWN_WRONG = {
     "file: bytes after the end, explicit": "refused as damaged, although all elements are there",
 }

@@ -16,7 +16,7 @@ HEAD = """\
 `tests/outsiders` writes small files over the product of options at the edges of their formats, and compares what vgs reads
 of each, voxel by voxel, with what is right; {packages} must confirm what is right. A file is *equal* (size, every value, place
 and orientation), or *refused* by an error that names what is odd in it; where values are in doubt and read all the same, a
-warning must name it. Nothing else passes. `tools/test -E 'binary(outsiders)'` runs it, in 76 s of processor time, and
+warning must name it. Nothing else passes. `tools/test -E 'binary(outsiders)'` runs it, in a minute or two, and
 holds this page to what it finds; `VGS_WRITE_OUTSIDERS=1` writes the page anew. `tools/setup outsiders` gets the programs.
 """
 

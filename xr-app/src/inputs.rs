@@ -1,6 +1,6 @@
 //! What is shown: splats, a volume or a session, as the desktop viewer reads them.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use engine::gpu::Gpu;
 use engine::render::{ObjectChange, SplatKind, UsualLook};
@@ -8,7 +8,7 @@ use engine::{Error, Kind, Result, transfer};
 use view::deletions::Deletion;
 use view::loader::{self, LoadedSplats, LoadedVolume};
 use view::sorting;
-use view::state::{Files, SplatMode, Subject, ViewState};
+use view::state::{Files, SplatMode, Subject, ViewState, is_session};
 use view::transfer::Transfer;
 
 use crate::controls::Start;
@@ -55,6 +55,20 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
     let sorted = sorting::sort(&Files::default(), &files)?;
     let session = sorted.state().transpose()?;
     let has_session = session.is_some();
+    if let (Some(state), Some(named)) = (&session, kept) {
+        let same =
+            |a: &Path, b: &Path| a.canonicalize().is_ok_and(|a| b.canonicalize().is_ok_and(|b| a == b));
+        let is_there = |file: &&PathBuf| is_session(file) || state.files.all().any(|known| same(known, file));
+        if let Some(other) = wanted.files.iter().find(|file| !is_there(file)) {
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-XR-035",
+                format!("{} shows other files", named.display()),
+            )
+            .file(other)
+            .help("leave the file out, or name a new session"));
+        }
+    }
     let mut state = match session {
         Some(state) => state,
         // A function that is stretched over the intensities is stretched once they are read.

@@ -45,7 +45,8 @@ impl Keeper {
             return;
         }
         self.next = seconds + EVERY;
-        // What fails is tried again at the end, and told then.
+        // What fails is tried again, and told at the end.
+        self.note_written();
         self.writing = self.task(state()).map(std::thread::spawn);
     }
 
@@ -55,12 +56,16 @@ impl Keeper {
     /// # Errors
     /// Returns the errors of [`ViewState::write`].
     pub fn finish(&mut self, state: ViewState) -> Result<Option<PathBuf>> {
-        if self.writing.take().is_some_and(|writing| !matches!(writing.join(), Ok(Ok(())))) {
-            // Nothing is known of what the file has.
-            self.kept.1 = Some(InHeadset { scale: f64::NAN, ..InHeadset::HOME });
-        }
+        self.note_written();
         let Some(task) = self.task(state) else { return Ok(self.path.clone().filter(|path| path.exists())) };
         task().map(|()| self.path.clone())
+    }
+
+    /// Waits for the writing; if it has failed, nothing is known of what the file has.
+    fn note_written(&mut self) {
+        if self.writing.take().is_some_and(|writing| !matches!(writing.join(), Ok(Ok(())))) {
+            self.kept.1 = Some(InHeadset { scale: f64::NAN, ..InHeadset::HOME });
+        }
     }
 
     /// Returns what writes a state; `None` if it is already kept, or if there is nothing to stand beside.

@@ -11,6 +11,7 @@ use engine::image::{self, Image, WriteOptions};
 use engine::render::{self, QualityLevel, Scene, SplatKind};
 use engine::{Error, Kind, Result, output};
 use view::settings::Settings;
+use view::state::ViewState;
 
 use crate::arguments::{Card, HeadsetArguments};
 use crate::controls::Start;
@@ -19,7 +20,7 @@ use crate::headset::simulated::{OFFERED, Script, Simulated, rest};
 use crate::headset::{Description, Headset};
 use crate::inputs::{self, Content};
 use crate::keeping::Keeper;
-use crate::loading::while_loading;
+use crate::loading;
 use crate::memory;
 #[cfg(not(target_os = "android"))]
 use crate::mirror::Opened;
@@ -58,6 +59,10 @@ pub(crate) struct Prepared {
 pub(crate) fn prepare(arguments: &HeadsetArguments) -> Result<Prepared> {
     for path in [&arguments.report, &arguments.picture].into_iter().flatten() {
         output::check_writable(path, arguments.force)?;
+    }
+    if let Some(session) = &arguments.session {
+        ViewState::check_name(session)?;
+        output::check_writable(session, true)?;
     }
     let (content, start) = inputs::read(&arguments.wanted())?;
     let levels = levels(arguments, &content)?;
@@ -156,32 +161,27 @@ fn show(
         .start
         .as_ref()
         .map(|start| Keeper::new(arguments.session.as_deref(), &arguments.files, &start.state));
-    let about = headset.description().clone();
-    let background = options.background;
-    let make = || {
-        Ok(match content {
-            // Memory budgets keep the first splats, which are the most important ones.
-            Content::Splats(splats) => memory::within(gpu, arguments.memory_budget, splats.set, |kept| {
-                let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
-                let options =
-                    Options { pitch: kept.pitch, given_up: kept.given_up.clone(), ..options.clone() };
-                let mut viewer = Viewer::of(gpu, scene, &about, options)?;
-                viewer.set_pick_data(PickData::of(kept.set));
-                Ok(viewer)
-            })?,
-            Content::Volume(volume) => {
-                let scene = Scene::new(gpu, None, Some(&volume.source()), &look)?;
-                let viewer = Viewer::of(gpu, scene, &about, options)?;
-                memory::check(gpu, arguments.memory_budget)?;
-                viewer
-            }
-        })
-    };
     announce(headset);
     // What shows that it loads takes memory, too: where that is limited, nothing else is on the device.
-    let (mut viewer, over) = match arguments.memory_budget {
-        Some(_) => (make()?, false),
-        None => while_loading(gpu, headset, background, make)?,
+    let over = match arguments.memory_budget {
+        Some(_) => false,
+        None => loading::show(gpu, headset, options.background)?,
+    };
+    let mut viewer = match content {
+        // Memory budgets keep the first splats, which are the most important ones.
+        Content::Splats(splats) => memory::within(gpu, arguments.memory_budget, splats.set, |kept| {
+            let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
+            let options = Options { pitch: kept.pitch, given_up: kept.given_up.clone(), ..options.clone() };
+            let mut viewer = Viewer::new(gpu, scene, headset, options)?;
+            viewer.set_pick_data(PickData::of(kept.set));
+            Ok(viewer)
+        })?,
+        Content::Volume(volume) => {
+            let scene = Scene::new(gpu, None, Some(&volume.source()), &look)?;
+            let viewer = Viewer::new(gpu, scene, headset, options)?;
+            memory::check(gpu, arguments.memory_budget)?;
+            viewer
+        }
     };
     if let Some(onlooker) = onlooker(gpu, headset.description())? {
         viewer.add_onlooker(onlooker);

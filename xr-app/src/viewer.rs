@@ -14,7 +14,7 @@ use crate::bodies;
 use crate::composer::Composer;
 use crate::controls::{Controls, Start, view_of};
 use crate::feedback::Feedback;
-use crate::headset::{Blend, Description, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
+use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
 use crate::keeping::Keeper;
 use crate::onlooker::Onlooker;
 use crate::placement::Placement;
@@ -49,6 +49,25 @@ pub struct Options {
     pub card: bool,
     /// The view to begin with; `None` for the look that the scene has.
     pub start: Option<Start>,
+}
+
+impl Options {
+    /// Returns options with these quality levels, on black, with nothing else asked for.
+    pub fn of_levels(levels: Vec<QualityLevel>) -> Self {
+        Options {
+            levels,
+            budget_ms: None,
+            level: None,
+            background: [0.0; 3],
+            frames: None,
+            panel: false,
+            foveation: None,
+            pitch: 1.0,
+            given_up: None,
+            card: false,
+            start: None,
+        }
+    }
 }
 
 /// Fields of view and distances, metres, that are rendered once before the first frame, so that later ones
@@ -99,11 +118,7 @@ impl Viewer {
     /// Creates a viewer of a scene in a headset. Renders once in advance, so that later frames find their
     /// buffers large enough.
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
-        Self::of(gpu, scene, headset.description(), options)
-    }
-
-    /// Creates a viewer as [`Viewer::new`] does, for a headset that may be in use meanwhile.
-    pub fn of(gpu: &Gpu, scene: Scene, about: &Description, options: Options) -> Result<Self> {
+        let about = headset.description();
         let sight = Sight::new(about.eye_size, options.foveation, about.lenses);
         let settings = Settings { pitch: options.pitch, ..sight.settings(about.depth) };
         let frames = Frames::new(gpu, &scene, &settings, &options.levels)?;

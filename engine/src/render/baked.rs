@@ -248,10 +248,13 @@ impl<'a> Lamp<'a> {
             let radius = (1.0 - z * z).sqrt();
             let forward = DVec3::new(radius * angle.cos(), radius * angle.sin(), z);
             let right = forward.cross(DVec3::Z).normalize();
-            let [x, y, z] = look.light.map(f64::from);
-            let up = right.cross(forward);
-            let light = right * x + up * y + forward * z;
-            let fill = right * -x + up * y + forward * z;
+            let own = DVec3::from_array(look.light.map(f64::from));
+            let light = match look.light_turns {
+                1 => own,
+                _ => right * own.x + right.cross(forward) * own.y + forward * own.z,
+            };
+            // Mirrored from left to right, as the viewer sees it.
+            let fill = light - 2.0 * light.dot(right) * right;
             let weights = basis(forward.to_array()).map(|y| y * 2.0 * TAU / DIRECTIONS as f64);
             Direction { light, fill, halfway: (light - forward).normalize(), weights }
         };

@@ -75,6 +75,11 @@ impl ObjectChange {
         self.function.is_some()
     }
 
+    /// Returns true if it changes the colour, the opacity or the function of objects.
+    pub fn changes_colour(&self) -> bool {
+        self.function.is_some() || self.colour.is_some() || self.opacity.is_some()
+    }
+
     /// Changes the appearances and the transfer functions in a look of all objects that it names: by number, by name,
     /// or by the part of the name before or after its slash. `range` is that of the intensities that are shown, for
     /// presets that are stretched over it.

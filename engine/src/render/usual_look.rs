@@ -115,7 +115,7 @@ impl UsualLook {
         }
     }
 
-    /// Returns how many objects there are under each heading, the most first: "24 bones, 12 organs".
+    /// Returns how many objects there are under each heading, the most first: "bones 24, organs 12".
     pub fn summary(&self) -> String {
         let mut counts: Vec<(&str, usize)> = Vec::new();
         for object in &self.objects {

@@ -18,8 +18,7 @@ pub struct Mended {
 }
 
 impl Mended {
-    /// Drops the splats of `set` that cannot be used, with what belongs to them, and widens those that are too
-    /// thin; `defect_of` tells what is wrong with a row beside its splat and colours. If `strict` is set, the first
+    /// Drops the splats of `set` that cannot be used, with what belongs to them; `defect_of` tells what is wrong with a row beside its splat and colours. If `strict` is set, the first
     /// unusable splat is an error.
     pub fn of(
         set: &mut SplatSet,
@@ -97,8 +96,8 @@ pub fn zeros<T: bytemuck::Zeroable + Clone>(count: usize) -> Result<Vec<T>> {
     Ok(all)
 }
 
-/// Makes room for `more` rows, or fails if there is no memory for them: the counts of a file fit its length, but a
-/// file may be larger than memory.
+/// Makes room for `more` rows, or fails if there is no memory for them: what a file claims may be
+/// more than memory holds.
 pub fn reserve<T>(all: &mut Vec<T>, more: usize) -> Result<()> {
     all.try_reserve_exact(more).map_err(|_| {
         let needed = more.saturating_mul(size_of::<T>());

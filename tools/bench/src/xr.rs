@@ -107,19 +107,7 @@ fn session(gpu: &Gpu, set: &SplatSet, budget: f64, arguments: &XrArguments) -> R
         ..Script::default()
     };
     let mut headset = Simulated::new(gpu, script)?;
-    let options = Options {
-        levels: quality_levels(SplatKind::of(set)).to_vec(),
-        budget_ms: None,
-        level: None,
-        background: [0.0; 3],
-        frames: None,
-        panel: false,
-        foveation: None,
-        pitch: 1.0,
-        given_up: None,
-        card: false,
-        start: None,
-    };
+    let options = Options::of_levels(quality_levels(SplatKind::of(set)).to_vec());
     let mut viewer = Viewer::new(gpu, scene, &headset, options)?;
     viewer.run(&mut headset, &AtomicBool::new(false))?;
     Ok(viewer.report(&headset))

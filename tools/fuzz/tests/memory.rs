@@ -146,7 +146,7 @@ fn memory_follows_what_is_read() {
         let bytes = bytes.unwrap_or_else(|e| panic!("{name}: {e}"));
         assert_eq!(bytes, need, "{name}");
         println!("{name}: {:.1} MB for {:.1} MB", taken as f64 / 1e6, need as f64 / 1e6);
-        // Files of colours are unpacked, or taken, as a whole before the splats are made.
+        // Colours are there a second time while they are turned, and of glTF a third time.
         let times = if name == "c.spz" || name == "c.glb" { 4 } else { 2 };
         if taken > times * need + BUFFERS {
             wrong.push(format!("{name}: {taken} bytes for {need}"));
@@ -254,7 +254,9 @@ fn bombs_are_refused_cheaply(folder: &Path) {
         };
         let (read, taken) = heap_of(read);
         let error = read.expect_err(name);
-        assert_eq!(error.kind, Kind::BadData, "{name}: {error}");
+        // Whether there is memory for a claim depends on the machine.
+        let is_claim = error.kind == Kind::HostMemory && name.ends_with(".spz");
+        assert!(is_claim || error.kind == Kind::BadData, "{name}: {error}");
         assert!(taken < REFUSED, "{name}: {taken} bytes");
         println!("{name}: {:.1} MB, {error}", taken as f64 / 1e6);
     }

@@ -95,7 +95,7 @@ impl LoadedSplats {
     }
 
     /// Writes the splats that a state shows to a file, as `vgs convert` writes those of a session; or those of one
-    /// `object`, shown or not. Returns how many are not in the file: hidden, cut away by a clip plane, or in colours
+    /// `object`, shown or not. Returns how many of these are not in the file: hidden, cut away by a clip plane, or in colours
     /// that show nothing of them. Waits for the device where colours or a mask have to be found.
     ///
     /// # Errors
@@ -119,6 +119,12 @@ impl LoadedSplats {
         let options = WriteOptions { force, ..WriteOptions::default() };
         let ready = saving::ready(gpu, &set, &look, path, false)?;
         ready.write(path, &options)?;
-        Ok(set.splats.len() - ready.set.splats.len())
+        let of_object = |object| {
+            let own =
+                self.objects.iter().filter(|(row, ..)| Target { file: row.file, label: row.label } == object);
+            own.map(|(.., count)| count).sum()
+        };
+        let wanted: usize = object.map_or(set.splats.len(), of_object);
+        Ok(wanted.saturating_sub(ready.set.splats.len()))
     }
 }

@@ -21,7 +21,7 @@ use crate::pick::Probe;
 use crate::region::{Region, RegionSize};
 use crate::series::Series;
 use crate::sorting::{Sorted, sort_looking};
-use crate::state::{Files, Subject, is_packed};
+use crate::state::{Files, Subject, is_session};
 
 /// Volume and the part of it that is shown.
 pub struct LoadedVolume {
@@ -143,9 +143,9 @@ impl Loader {
     pub fn sort(&self, open: &Files, added: Vec<PathBuf>, volume: Option<&Arc<Volume>>) {
         let (open, volume) = (open.clone(), volume.map(Arc::clone));
         self.spawn(ALWAYS, move |tell| {
-            let session = added.iter().find(|path| is_packed(path)).map(|path| name_of(path));
+            let session = added.iter().find(|path| is_session(path)).map(|path| name_of(path));
             let what = session.map_or("looking whether it is a volume or a mask".to_owned(), |name| {
-                format!("unpacking {name}")
+                format!("opening {name}")
             });
             let sort = || {
                 let sorted = sort_looking(&open, &added, volume.as_deref())?;

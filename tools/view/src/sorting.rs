@@ -10,7 +10,7 @@ use engine::volume::{FORMATS, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 
 use crate::region::Region;
-use crate::state::{Files, ViewState, is_packed, is_session};
+use crate::state::{Files, ViewState, is_session};
 
 /// Words in the name of a volume that say that it is a mask.
 const MASK_WORDS: [&str; 4] = ["mask", "label", "roi", "seg"];
@@ -53,12 +53,12 @@ pub fn sort(open: &Files, added: &[PathBuf]) -> Result<Sorted> {
     Ok(combined(open, by_name(added)?, Vec::new(), "by its name"))
 }
 
-/// Returns true if names alone do not tell which of these files is a volume and which its mask, or if a session has
-/// to be unpacked.
+/// Returns true if names alone do not tell which of these files is a volume and which its mask, or if there is a
+/// session, whose files may have to be unpacked.
 pub fn needs_look(open: &Files, added: &[PathBuf]) -> bool {
     by_name(added).is_ok_and(|Named { volumes, session, .. }| {
         let others = volumes.iter().filter(|path| open.volume.as_ref() != Some(path)).count();
-        others > usize::from(open.volume.is_none()) || session.is_some_and(|path| is_packed(&path))
+        others > usize::from(open.volume.is_none()) || session.is_some()
     })
 }
 

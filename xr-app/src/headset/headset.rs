@@ -31,7 +31,7 @@ impl FrameImages<'_> {
 /// [`acquire_images`](Headset::acquire_images), [`release_images`](Headset::release_images),
 /// [`eyes`](Headset::eyes), the submission, and [`end`](Headset::end), in this order; a frame that nobody
 /// sees, of `wait` and `end`.
-pub trait Headset: Send {
+pub trait Headset {
     /// Returns the properties that do not change.
     fn description(&self) -> &Description;
     /// Returns the areas of each eye's picture that the lenses hide, in tangents; empty if the headset does

@@ -52,6 +52,7 @@ pub struct OpenXr {
     waiter: xr::FrameWaiter,
     session: xr::Session<xr::Vulkan>,
     instance: xr::Instance,
+    events: Box<xr::EventDataBuffer>,
     running: bool,
     /// The last poses that were known.
     last: Option<[Eye; 2]>,
@@ -391,6 +392,7 @@ impl OpenXr {
             waiter,
             session,
             instance: runtime.instance.clone(),
+            events: Box::new(xr::EventDataBuffer::new()),
             running: false,
             last: None,
             gpu: gpu.clone(),
@@ -512,11 +514,11 @@ impl Headset for OpenXr {
     }
 
     fn poll(&mut self) -> Result<Vec<Event>> {
-        let (mut out, mut buffer) = (Vec::new(), xr::EventDataBuffer::new());
+        let mut out = Vec::new();
         loop {
             let event = self
                 .instance
-                .poll_event(&mut buffer)
+                .poll_event(&mut self.events)
                 .map_err(|e| runtime_error("asking what happened", e))?;
             let Some(event) = event else { return Ok(out) };
             match event {

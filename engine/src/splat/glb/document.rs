@@ -12,6 +12,9 @@ use serde_json::Value;
 use super::{FLOAT, NAME, UNSIGNED_BYTE};
 use crate::error::{Error, Kind, Result};
 
+/// Most primitives of splats that are read, each counted as often as nodes show it.
+const MOST_INSTANCES: usize = 1 << 16;
+
 /// Greatest distance from one row of an attribute to the next that glTF allows, bytes.
 const LONGEST_STRIDE: u64 = 252;
 /// Bytes of an attribute that are read at a time.
@@ -53,7 +56,7 @@ pub(super) struct Node {
     mesh: Option<usize>,
     #[serde(default)]
     children: Vec<usize>,
-    matrix: Option<[f64; 16]>,
+    matrix: Option<Box<[f64; 16]>>,
     translation: Option<[f64; 3]>,
     rotation: Option<[f64; 4]>,
     scale: Option<[f64; 3]>,
@@ -62,8 +65,8 @@ pub(super) struct Node {
 impl Node {
     /// Returns the map from the node to its parent.
     fn affine(&self) -> DAffine3 {
-        match self.matrix {
-            Some(columns) => DAffine3::from_mat4(DMat4::from_cols_array(&columns)),
+        match &self.matrix {
+            Some(columns) => DAffine3::from_mat4(DMat4::from_cols_array(columns)),
             None => DAffine3::from_scale_rotation_translation(
                 DVec3::from_array(self.scale.unwrap_or([1.0; 3])),
                 DQuat::from_array(self.rotation.unwrap_or([0.0, 0.0, 0.0, 1.0])),
@@ -177,6 +180,11 @@ impl Document {
             };
             for primitive in &mesh.primitives {
                 if let Some(splatting) = primitive.extensions.as_ref().and_then(|e| e.splatting.as_ref()) {
+                    if found.len() == MOST_INSTANCES {
+                        let message = format!("more than {MOST_INSTANCES} groups of splats");
+                        return Err(Error::new(Kind::BadData, "VGS-GLB-007", message)
+                            .help("write the splats as one primitive, with the program that it is from"));
+                    }
                     found.push(Instance { primitive, splatting, affine });
                 }
             }

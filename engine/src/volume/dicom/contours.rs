@@ -179,7 +179,8 @@ fn fill(
     }
     let mut distances: Vec<f64> = planes.windows(2).map(|pair| pair[1].0 - pair[0].0).collect();
     distances.sort_by(f64::total_cmp);
-    let usual = distances.get(distances.len() / 2).copied().unwrap_or(1.0).max(1.0);
+    // Of two the lesser one: a piece far away does not make the others thicker.
+    let usual = distances.get(distances.len().saturating_sub(1) / 2).copied().unwrap_or(1.0).max(1.0);
     // Midway between two contours a slice takes the upper one, so that each stands for as many slices.
     let reaches = |place: f64, slice: f64| {
         let beyond = slice - place + ROUNDING;

@@ -142,6 +142,8 @@ pub(super) enum Skipped {
     Structures(Structures),
     /// The file holds no image.
     NoImage,
+    /// The pixels are real numbers or spectra; the text is the file's name.
+    NoIntegers(String),
     /// The file holds an image without a place, such as a copy of a screen; the text says what it is.
     NoPlace(String),
 }
@@ -189,8 +191,8 @@ fn frames_of(location: &Location, Opened { object, oddities }: &Opened) -> Resul
         return Ok(Err(Skipped::NoImage));
     }
     let (rows, columns) = (e::ROWS.needed(rows)?, e::COLUMNS.needed(columns)?);
+    let name = location.path.file_name().unwrap_or_default().to_string_lossy();
     let no_place = || -> Result<Content> {
-        let name = location.path.file_name().unwrap_or_default().to_string_lossy();
         let what = [e::MODALITY.text(object)?, e::SERIES_DESCRIPTION.text(object)?];
         let what: Vec<String> = what.into_iter().flatten().collect();
         Ok(Err(Skipped::NoPlace(format!("{name} ({})", what.join(" ")))))
@@ -212,6 +214,11 @@ fn frames_of(location: &Location, Opened { object, oddities }: &Opened) -> Resul
             return no_place();
         }
     }
+    // Such a file has not the elements that say how integers are stored.
+    let others = [tags::FLOAT_PIXEL_DATA, tags::DOUBLE_FLOAT_PIXEL_DATA, tags::SPECTROSCOPY_DATA];
+    if others.into_iter().any(|tag| object.get(tag).is_some()) {
+        return Ok(Err(Skipped::NoIntegers(name.into_owned())));
+    }
     let file = Arc::new(file_header(location, object, oddities)?);
     let frames = (0..count as u32).map(|number| groups(number as usize).frame(&file, number, size));
     Ok(Ok(frames.collect::<Result<Vec<_>>>()?))
@@ -232,12 +239,12 @@ fn file_header(location: &Location, object: &DefaultDicomObject, oddities: &[Odd
         other => return Err(e::PIXEL_REPRESENTATION.wrong(&other.to_string(), "0 or 1")),
     };
     let allocated = needed(e::BITS_ALLOCATED)?;
-    if !(1..=64).contains(&allocated) {
-        return Err(e::BITS_ALLOCATED.wrong(&allocated.to_string(), "1 to 64"));
+    if ![1, 8, 16, 32].contains(&allocated) {
+        return Err(e::BITS_ALLOCATED.wrong(&allocated.to_string(), "1, 8, 16 or 32"));
     }
     let stored = needed(e::BITS_STORED)?;
-    if !(1..=allocated.min(32)).contains(&stored) {
-        return Err(e::BITS_STORED.wrong(&stored.to_string(), &format!("1 to {}", allocated.min(32))));
+    if !(1..=allocated).contains(&stored) {
+        return Err(e::BITS_STORED.wrong(&stored.to_string(), &format!("1 to {allocated}")));
     }
     let high = e::HIGH_BIT.whole(object)?.unwrap_or(stored - 1);
     if !(stored - 1..allocated).contains(&high) {
@@ -261,8 +268,10 @@ fn file_header(location: &Location, object: &DefaultDicomObject, oddities: &[Odd
     };
     let mut times = [None; TIMES.len()];
     for (time, (_, element)) in times.iter_mut().zip(TIMES) {
-        // Of the day: hours, minutes and seconds are digits, and grow as a number.
-        *time = element.text(object)?.and_then(|text| text.parse().ok());
+        // Of the day: hours, minutes and seconds are digits, and grow as a number; older files have colons between them.
+        let Some(text) = element.text(object)? else { continue };
+        let number = text.replace(':', "").parse().ok().filter(|time: &f64| time.is_finite());
+        *time = Some(number.ok_or_else(|| element.wrong(&format!("'{text}'"), "a time"))?);
     }
     Ok(FileHeader {
         location: location.clone(),

@@ -181,6 +181,13 @@ impl Location {
 /// Returns how many bytes the elements of a deflated file unpack to, up to `most` and one more; 0 for any other
 /// file.
 fn unpacked_size(mut file: impl Read, most: u64) -> io::Result<u64> {
+    // What is missing at the beginning is put there, as the reader does.
+    let mut start = Vec::new();
+    file.by_ref().take(SNIFF_BYTES as u64).read_to_end(&mut start)?;
+    if let Some(missing) = missing_start(&start) {
+        start.splice(..0, missing);
+    }
+    let mut file = Cursor::new(start).chain(file);
     // Magic, then the length of the first group of elements, which is never packed.
     let mut head = [0; MAGIC_AT + 4 + 12];
     file.read_exact(&mut head)?;

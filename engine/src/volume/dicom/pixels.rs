@@ -110,7 +110,7 @@ fn intensities(
         let [columns, rows] = frame.size;
         let message = format!(
             "expected {length} bytes for frame {} of {columns} x {rows} pixels, got {} bytes for all",
-            frame.number,
+            frame.number + 1,
             decoded.data().len()
         );
         return Err(Error::new(Kind::BadData, "VGS-DCM-012", message)

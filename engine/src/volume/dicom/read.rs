@@ -75,7 +75,7 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
     }
     let arrangement = arrange(&stack.frames, &[]).map_err(named)?;
     check_scales(stack).map_err(named)?;
-    let missing = missing_parts(stack);
+    let missing = missing_parts(stack, &stacks);
     if let (Some(parts), false) = (&missing, options.lenient) {
         let message = format!("the file is a part of a whole: {parts}");
         return Err(Error::new(Kind::BadData, "VGS-DCM-025", message)
@@ -162,19 +162,34 @@ fn found(folder: &Path, files: &[Location], options: &ReadOptions) -> Result<Fou
         (false, _) => {}
     }
     let placeless = skipped.iter().filter(|reason| matches!(reason, Skipped::NoPlace(_))).count();
+    let no_integers = skipped.iter().filter(|reason| matches!(reason, Skipped::NoIntegers(_))).count();
     let mut left_out = Vec::new();
+    if no_integers > 0 {
+        left_out.push(format!("images of real numbers and spectra are left out: {no_integers}"));
+    }
     if placeless > 0 {
-        left_out.push(format!("{placeless} images have no place in the patient: left out"));
+        left_out.push(format!("images without a place in the patient are left out: {placeless}"));
     }
     if let [(first, _), ..] = structures.as_slice() {
         let (count, name) = (structures.len(), first.path.display());
-        left_out.push(format!("{count} files of structures are left out: give one as a mask, --roi {name}"));
+        left_out
+            .push(format!("files of structures are left out ({count}): give one as a mask, --roi {name}"));
     }
     Ok(Found::Frames(frames, left_out))
 }
 
 /// Returns the error for files without a usable frame.
 fn nothing(path: &Path, skipped: &[Skipped]) -> Error {
+    let no_integers = skipped.iter().find_map(|reason| match reason {
+        Skipped::NoIntegers(what) => Some(what),
+        _ => None,
+    });
+    if let Some(what) = no_integers {
+        let message = format!("the pixels of {what} are real numbers or spectra, which are not read");
+        return Error::new(Kind::BadData, "VGS-DCM-027", message)
+            .file(path)
+            .help("Float Pixel Data and Spectroscopy Data need another program; give images of integers");
+    }
     let placeless = skipped.iter().find_map(|reason| match reason {
         Skipped::NoPlace(what) => Some(what),
         _ => None,
@@ -205,10 +220,14 @@ fn check_scales(stack: &Stack) -> Result<()> {
         .help("their values cannot be compared with those of the others; export the series again"))
 }
 
-/// Returns a text on the parts of a concatenation that are missing.
-fn missing_parts(stack: &Stack) -> Option<String> {
+/// Returns a text on the parts that are missing of the concatenations of a stack; other stacks may have some of them.
+fn missing_parts(stack: &Stack, all: &[Stack]) -> Option<String> {
+    fn parts(stack: &Stack) -> impl Iterator<Item = &Part> {
+        stack.frames.iter().filter_map(|frame| frame.file.part.as_ref())
+    }
+    let own: BTreeSet<&str> = parts(stack).map(|part| part.whole.as_str()).collect();
     let mut wholes: BTreeMap<&str, (BTreeSet<i64>, i64)> = BTreeMap::new();
-    for part in stack.frames.iter().filter_map(|frame| frame.file.part.as_ref()) {
+    for part in all.iter().flat_map(parts).filter(|part| own.contains(part.whole.as_str())) {
         let (there, of) = wholes.entry(&part.whole).or_default();
         there.insert(part.number);
         *of = part.of.unwrap_or(0).max(*of).max(part.number);
@@ -216,11 +235,13 @@ fn missing_parts(stack: &Stack) -> Option<String> {
     wholes.into_values().find_map(|(there, of)| {
         let missing: Vec<_> =
             (1..=of).filter(|number| !there.contains(number)).map(|n| n.to_string()).collect();
-        (!missing.is_empty()).then(|| {
-            format!("of {of} parts {} are there, and missing is {}", there.len(), missing.join(", "))
-        })
+        (!missing.is_empty())
+            .then(|| format!("{} of {of} parts are there; missing: {}", there.len(), missing.join(", ")))
     })
 }
+
+/// What Rescale Type says of a CT in HU; empty where it says nothing.
+const HU: [&str; 3] = ["", "HU", "HU_MOD"];
 
 /// Returns notes for the user about the values.
 fn notes_on_values(stack: &Stack) -> Vec<String> {
@@ -238,7 +259,7 @@ fn notes_on_values(stack: &Stack) -> Vec<String> {
         }
         last = Some(&frame.file);
     }
-    notes.extend(odd.into_values().map(|(text, files)| format!("{text}, in {files} files")));
+    notes.extend(odd.into_values().map(|(text, files)| format!("{text} (files: {files})")));
     if count(&|frame| frame.scale != first.scale) > 0 {
         notes.push("each slice is scaled by its own slope and intercept".to_owned());
     }
@@ -249,7 +270,7 @@ fn notes_on_values(stack: &Stack) -> Vec<String> {
     // The standard's term US means that the units are not specified.
     if file.modality == "CT" && units == "US" {
         notes.push("the file does not say what the values are numbers of; they may not be HU".to_owned());
-    } else if file.modality == "CT" && !["", "HU", "HU_MOD"].contains(&units.as_str()) {
+    } else if file.modality == "CT" && !HU.contains(&units.as_str()) {
         notes.push(format!("the values are in {}, not in HU", first.units));
     }
     match &first.scale {
@@ -276,12 +297,14 @@ fn notes_on_values(stack: &Stack) -> Vec<String> {
     notes
 }
 
-/// Returns what the values are numbers of; `None` if the modality does not say it.
+/// Returns what the values are numbers of; `None` if the file does not say it.
 fn unit_of(stack: &Stack) -> Option<Unit> {
-    let file = &stack.first().file;
-    let is_hu = ["", "HU", "HU_MOD"].contains(&stack.first().units.to_uppercase().as_str());
-    match file.modality.as_str() {
-        "CT" if is_hu => Some(Unit::Hu),
+    let first = stack.first();
+    let units = first.units.to_uppercase();
+    match first.file.modality.as_str() {
+        // The values tell.
+        "CT" if units == "US" || first.scale == Scale::Stored => None,
+        "CT" if HU.contains(&units.as_str()) => Some(Unit::Hu),
         "CT" | "MR" | "PT" | "NM" | "US" => Some(Unit::Arbitrary),
         _ => None,
     }

@@ -145,10 +145,10 @@ fn by_phase(mut frames: Vec<Frame>) -> Vec<Stack> {
             kept.push(frame);
         }
     }
-    let mut stacks = separate(kept.clone(), String::new());
-    if let (true, [stack, ..]) = (kept.len() < before, stacks.as_mut_slice()) {
-        let count = before - kept.len();
-        stack.notes.push(format!("{count} files are copies of others (the same SOP instance): left out"));
+    let copies = before - kept.len();
+    let mut stacks = separate(kept, String::new());
+    if let (true, [stack, ..]) = (copies > 0, stacks.as_mut_slice()) {
+        stack.notes.push(format!("copies of slices (the same SOP instance) are left out: {copies}"));
     }
     stacks
 }

@@ -1,11 +1,12 @@
 //! Writes splats in another format (`vgs convert`).
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
 use engine::fit::{FitConfig, FitForm, Problem, with_part_of_mask};
-use engine::render::{ClipPlane, Intensities, Look, ObjectChange};
+use engine::render::{Intensities, Look, ObjectChange, UsualLook};
 use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind, transfer};
 use view::loaded_splats::LoadedSplats;
@@ -172,6 +173,13 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
         _ => prepared(arguments, &set, &look, coloured)?,
     };
     report.left_out = report.whole - ready.set.splats.len() - ready.hidden;
+    let colours = |flag: &ObjectFlag| matches!(flag, ObjectFlag::Shown(change) if change.changes_colour());
+    if !coloured && (arguments.object_colours || arguments.object.iter().any(colours)) {
+        tracing::warn!(
+            "{}: colours, opacities and functions of objects are not in it; add --tf, or write a .glb or .spz",
+            output.display()
+        );
+    }
     if coloured {
         (report.transfer_function, report.hidden) = (Some(look.transfer.name.clone()), ready.hidden);
     }
@@ -270,12 +278,17 @@ impl ConvertArguments {
         let range = set.intensity_range().unwrap_or([0.0, 1.0]);
         let given = self.tf.as_deref().map(|name| transfer::load(name, range)).transpose()?;
         let mut look = match (session, given) {
-            (Some(look), given) => Look { transfer: given.unwrap_or_else(|| look.transfer.clone()), ..look },
+            (Some(look), None) => look,
+            // One function for all, in place of those of the objects, too.
+            (Some(look), Some(given)) => Look { transfer: given, functions: BTreeMap::new(), ..look },
             (None, Some(given)) => Look::new(given),
-            (None, None) => {
-                let suiting = Intensities::of_set(set).suiting_preset(set.unit);
-                Look::new(transfer::load(suiting, range)?)
-            }
+            (None, None) => match UsualLook::of(set) {
+                Some(usual) => usual.look(&set.objects()),
+                None => {
+                    let suiting = Intensities::of_set(set).suiting_preset(set.unit);
+                    Look::new(transfer::load(suiting, range)?)
+                }
+            },
         };
         let there = set.objects();
         if self.object_colours {
@@ -286,8 +299,7 @@ impl ConvertArguments {
                 change.apply(&there, &mut look, range)?;
             }
         }
-        look.clip
-            .extend(self.clip.iter().flat_map(|clip| clip.0.iter().copied()).collect::<Vec<ClipPlane>>());
+        look.clip.extend(self.clip.iter().flat_map(|clip| clip.0.iter().copied()));
         Ok(look)
     }
 }

@@ -550,12 +550,26 @@ impl ViewState {
     /// all of them can be moved together; other paths are absolute.
     ///
     /// # Errors
-    /// Returns the errors of [`engine::output::write_atomic`] and [`ViewState::text`].
+    /// Returns the errors of [`ViewState::check_name`], [`ViewState::text`] and [`engine::output::write_atomic`].
     pub fn write(&self, path: impl AsRef<Path>, force: bool) -> Result<()> {
         let path = path.as_ref();
+        Self::check_name(path)?;
         let files = self.files.seen_from(path.parent().unwrap_or(Path::new("")));
         let text = ViewState { files, ..self.clone() }.text()?;
         engine::output::write_atomic(path, force, |out| out.write_all(text.as_bytes()))
+    }
+
+    /// Checks that a file may be a session that is written: splats, or a zip with all files of a case, must not be
+    /// replaced by one.
+    ///
+    /// # Errors
+    /// Returns [`Kind::Usage`] for a name that does not end in `.toml`.
+    pub fn check_name(path: &Path) -> Result<()> {
+        if path.extension().is_some_and(|end| end.eq_ignore_ascii_case("toml")) {
+            return Ok(());
+        }
+        let message = "a session is written as a .toml";
+        Err(Error::new(Kind::Usage, "VGS-VIEW-053", message).file(path).help("end its name in .toml"))
     }
 
     /// Returns the text of a session file.

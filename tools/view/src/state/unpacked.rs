@@ -4,6 +4,7 @@ use std::fs::{self, File};
 use std::io::{self, BufReader, Read};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
+use std::time::Duration;
 
 use engine::error::{Error, Kind, Result};
 use tempfile::TempDir;
@@ -15,6 +16,11 @@ const MOST_FILES: usize = 100_000;
 /// Most bytes that the files of a packed session may unpack to.
 const MOST_BYTES: u64 = 1 << 37;
 
+/// Beginning of the names of folders that sessions are unpacked into.
+const PREFIX: &str = "vgs-session-";
+/// File in such a folder that is locked for as long as its program lives.
+const ALIVE: &str = ".alive";
+
 type Archive = ZipArchive<BufReader<File>>;
 
 /// A packed session whose files are in a folder of their own, which is deleted with the last copy of this value.
@@ -22,7 +28,8 @@ type Archive = ZipArchive<BufReader<File>>;
 pub struct Unpacked {
     zip: PathBuf,
     session: PathBuf,
-    folder: Arc<TempDir>,
+    /// The file comes first, since a folder with an open file cannot be deleted everywhere.
+    folder: Arc<(File, TempDir)>,
 }
 
 impl PartialEq for Unpacked {
@@ -87,7 +94,7 @@ impl Unpacked {
             return Err(wrong("its files overlap, as no program writes them".to_owned()));
         }
         let mut builder = tempfile::Builder::new();
-        builder.prefix("vgs-session-");
+        builder.prefix(PREFIX);
         #[cfg(unix)]
         {
             use std::os::unix::fs::PermissionsExt;
@@ -96,7 +103,10 @@ impl Unpacked {
         }
         let temporary = std::env::temp_dir();
         let failed = |e: io::Error| Error::io(&temporary, "unpacking a session", &e);
+        remove_abandoned(&temporary);
         let folder = builder.tempdir().map_err(failed)?;
+        let alive = File::create_new(folder.path().join(ALIVE)).map_err(failed)?;
+        alive.lock().map_err(failed)?;
         let mut left = MOST_BYTES;
         for index in 0..archive.len() {
             let mut entry = archive.by_index(index).map_err(|e| damaged(path, e))?;
@@ -123,7 +133,7 @@ impl Unpacked {
         }
         let zip = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
         let session = folder.path().join(session);
-        Ok(Unpacked { zip, session, folder: Arc::new(folder) })
+        Ok(Unpacked { zip, session, folder: Arc::new((alive, folder)) })
     }
 
     /// Returns the zip.
@@ -133,12 +143,30 @@ impl Unpacked {
 
     /// Returns the folder with its content.
     pub fn folder(&self) -> &Path {
-        self.folder.path()
+        self.folder.1.path()
     }
 
     /// Returns the session file in the folder.
     pub fn session(&self) -> PathBuf {
         self.session.clone()
+    }
+}
+
+/// Deletes the folders of programs that were killed: their locks went with them.
+fn remove_abandoned(temporary: &Path) {
+    for entry in fs::read_dir(temporary).into_iter().flatten().flatten() {
+        let is_ours = entry.file_name().to_string_lossy().starts_with(PREFIX);
+        // Between its creation and its lock a file is some microseconds old.
+        let is_old = |alive: &File| {
+            let age = alive.metadata().and_then(|meta| meta.modified()).map(|made| made.elapsed());
+            age.is_ok_and(|age| age.is_ok_and(|age| age > Duration::from_secs(60)))
+        };
+        let is_abandoned = || {
+            File::open(entry.path().join(ALIVE)).is_ok_and(|alive| is_old(&alive) && alive.try_lock().is_ok())
+        };
+        if is_ours && is_abandoned() {
+            let _ = fs::remove_dir_all(entry.path());
+        }
     }
 }
 

@@ -136,7 +136,7 @@ impl Viewer {
         self.loader.write_to_the_end(path.clone(), move |progress| {
             let contents = pack(&state, &path, force, progress)?;
             Ok(if contents.has_dicom {
-                "DICOM files in it name the patient.".to_owned()
+                "; the DICOM files in it name the patient".to_owned()
             } else {
                 String::new()
             })
@@ -159,9 +159,9 @@ impl Viewer {
         self.loader.write_to_the_end(path.clone(), move |_| {
             let left = left.map_or_else(|| whole.without(&gpu, &deleted).map(Arc::new), Ok)?;
             let left_out = left.write(&gpu, &state, object, &path, force)?;
-            Ok(match (left_out, object) {
-                (0, _) | (_, Some(_)) => String::new(),
-                (count, None) => {
+            Ok(match left_out {
+                0 => String::new(),
+                count => {
                     format!("; {count} splats are not in it, which are hidden, cut away or transparent")
                 }
             })

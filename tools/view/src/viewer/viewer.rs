@@ -26,7 +26,7 @@ use crate::panel_info::{PanelInfo, Statistics};
 use crate::rendered_scene::RenderSetup;
 use crate::report::WindowReport;
 use crate::settings::Settings;
-use crate::state::{Files, SplatMode, Subject, ViewState};
+use crate::state::{Clip, Files, SplatMode, Subject, ViewState};
 use crate::thumbnails::Thumbnails;
 use crate::transfer::Transfer;
 
@@ -159,7 +159,17 @@ impl Viewer {
             // Nothing is shown before the user has said where the rest is.
             Some(session) if !state.files.missing().is_empty() => {
                 let files = Files::default();
-                let nothing = ViewState { files, objects: Vec::new(), deleted: Vec::new(), ..state.clone() };
+                // What belongs to a patient who may not be opened does not stay for the next one.
+                let nothing = ViewState {
+                    files,
+                    objects: Vec::new(),
+                    deleted: Vec::new(),
+                    distances: Vec::new(),
+                    bookmarks: Vec::new(),
+                    clip: Clip::default(),
+                    headset: None,
+                    ..state.clone()
+                };
                 let mut app = App::new(ViewState { shown: Subject::Splats, ..nothing }, None, settings);
                 app.ask_missing(state, session);
                 app

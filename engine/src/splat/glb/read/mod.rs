@@ -10,6 +10,7 @@ use serde_json::Value;
 use super::document::{Document, Instance, damaged, packing};
 use super::{AXES, HU, INTENSITY, LABEL, LOGIT, NAME, WIDENING};
 use crate::error::{Error, Kind, Result};
+use crate::memory;
 use crate::splat::activation::Activations;
 use crate::splat::harmonics::{MAX_DEGREE, SH0, basis_count};
 use crate::splat::mend::{Mended, bound_opacities, ordinary_field, reserve, zeros};
@@ -23,7 +24,7 @@ use crate::unit::Unit;
 const MARK: &[u8; 4] = b"glTF";
 const VERSION: u32 = 2;
 /// Longest JSON that is read, bytes. That of splats takes a few thousand.
-const LONGEST_JSON: u32 = 16 << 20;
+const LONGEST_JSON: u32 = 4 << 20;
 /// Extensions that may be required: without any other the file would be misread.
 const KNOWN: [&str; 2] = [NAME, "KHR_mesh_quantization"];
 /// Least bytes of the place of a splat.
@@ -182,6 +183,8 @@ fn decoded(mut stream: impl Read + Seek, bytes: u64, options: &ReadOptions) -> R
     let labelled = has(LABEL);
     let mut source = Source { stream: &mut stream, document: &document, binary };
     let mut set = SplatSet::default();
+    // Attributes may share their bytes, so the length of a file does not bound what is made of it.
+    memory::require(total * size_of::<Splat>() as u64, &format!("{total} splats"))?;
     reserve(&mut set.splats, total as usize)?;
     let degrees = instances.iter().map(degree).collect::<Result<Vec<_>>>()?;
     if intensity.is_none() {

@@ -11,6 +11,7 @@ use ruzstd::decoding::StreamingDecoder;
 
 use super::{AXES, COLOUR_STEPS, MARK};
 use crate::error::{Error, Kind, Result};
+use crate::memory;
 use crate::splat::activation::Activations;
 use crate::splat::harmonics::{MAX_DEGREE, basis_count};
 use crate::splat::mend::{Mended, reserve, zeros};
@@ -126,13 +127,24 @@ impl Header {
                 Error::new(Kind::BadData, "VGS-SPZ-003", message).help("divide the file into smaller ones")
             );
         }
+        let header = Header { version, count: count as usize, degree, fraction_bits, flags };
+        // What a later version has there is not known.
+        if !(1..=ZSTD_VERSION).contains(&version) {
+            return Err(header.refuse_version());
+        }
         if degree > FILE_DEGREE {
             return Err(damaged(format!("harmonics of degree {degree}, {FILE_DEGREE} is the highest")));
         }
-        if fraction_bits > 24 {
+        if version > 1 && fraction_bits > 24 {
             return Err(damaged(format!("{fraction_bits} bits behind the point of a coordinate of 24 bits")));
         }
-        Ok((Header { version, count: count as usize, degree, fraction_bits, flags }, last))
+        // Colours are there twice while they are turned.
+        let floats = 2 * 3 * basis_count(degree.min(MAX_DEGREE)) as u64;
+        memory::require(
+            u64::from(count) * (size_of::<Splat>() as u64 + 4 * floats),
+            &format!("{count} splats"),
+        )?;
+        Ok((header, last))
     }
 
     fn refuse_version(&self) -> Error {

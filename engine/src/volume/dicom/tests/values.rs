@@ -262,7 +262,7 @@ fn half_a_concatenation_is_no_volume() {
     }
     let half = folder(&[first]);
     let error = Volume::read(half.path().join("999.dcm"), &ReadOptions::default()).unwrap_err();
-    assert!(error.code == "VGS-DCM-025" && error.message.contains("missing is 2"), "{error}");
+    assert!(error.code == "VGS-DCM-025" && error.message.contains("missing: 2"), "{error}");
     let lenient = ReadOptions { lenient: true, ..ReadOptions::default() };
     assert_eq!(read(half.path(), &lenient).unwrap().size[2], 2);
 }

@@ -103,7 +103,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
     let unit = set.as_ref().map(|set| set.unit).or(volume.as_ref().map(Volume::unit)).unwrap_or_default();
     let range = intensities(set.as_ref(), volume.as_ref());
-    let mut look = arguments.look(console, set.as_ref(), range, transfer::first(unit))?;
+    let mut look = arguments.look(console, set.as_ref(), range, transfer::first(unit), row.own_functions)?;
     if let Some(set) = &set {
         warn_of_unseen(set, &look, row.own_functions, arguments.tf.is_some());
     }
@@ -159,8 +159,8 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let measured = error.as_ref().map(|error| {
         let figures = &error.figures;
         console.say(&format!(
-            "99 of 100 voxels are within {:.1}{unit}, mean {:.1}{unit}, of {} voxels; blue is {:.1}{unit} too low, red as much \
-             too high",
+            "the error is below {:.1}{unit} in 99 of 100 voxels, {:.1}{unit} in the mean, of {} voxels; full blue is \
+             {:.1}{unit} too low, full red as much too high",
             figures.p99_hu,
             figures.mean_error_hu,
             error.voxels,
@@ -339,14 +339,21 @@ impl RenderArguments {
         splats: Option<&SplatSet>,
         range: [f64; 2],
         first: &str,
+        own_functions: bool,
     ) -> Result<Look> {
         let there = splats.map(SplatSet::objects).unwrap_or_default();
         let usual = splats.filter(|_| self.tf.is_none()).and_then(UsualLook::of);
         let mut look = match &usual {
             Some(usual) => {
+                let how = match own_functions {
+                    true => "through a function for its kind",
+                    false => {
+                        "all through one function that shows every kind; --mode decoded gives each its own"
+                    }
+                };
                 console.say(&format!(
-                    "{} objects, each in its usual colour and through a function for its kind ({}); --tf CT-Bone \
-                     shows all through one function, --object NAME:colour=#rrggbb,opacity=0.3 or NAME:hidden \
+                    "{} objects, each in its usual colour, {how} ({}); --tf CT-Bone shows all through that \
+                     preset, --object NAME:colour=#rrggbb,opacity=0.3 or NAME:hidden \
                      changes one",
                     there.len(),
                     usual.summary()
@@ -356,6 +363,11 @@ impl RenderArguments {
             None => Look::new(transfer::load(self.tf.as_deref().unwrap_or(first), range)?),
         };
         look.transfer = self.changed(look.transfer)?;
+        if self.light.change(&mut look.transfer.material.clone()) && !look.transfer.material.shade {
+            tracing::warn!(
+                "flags of the light change nothing: this transfer function has none; add --shade on"
+            );
+        }
         for function in look.functions.values_mut() {
             *function = self.changed(function.clone())?;
         }
@@ -383,11 +395,7 @@ impl RenderArguments {
         if let Some(occlusion) = self.occlusion {
             transfer.material.occlusion = occlusion;
         }
-        if self.light.change(&mut transfer.material) && !transfer.material.shade {
-            tracing::warn!(
-                "flags of the light change nothing: this transfer function has none; add --shade on"
-            );
-        }
+        self.light.change(&mut transfer.material);
         if let Some(GradientOpacity(points)) = &self.gradient_opacity {
             transfer = transfer.with_gradient_opacity(points.clone())?;
         }
@@ -502,7 +510,7 @@ fn warn_of_unseen(set: &SplatSet, look: &Look, own_functions: bool, asked: bool)
         })
         .collect();
     let (function, all) = (&look.transfer.name, objects.len());
-    let help = match asked && all > 1 {
+    let help = match asked && all > 1 && own_functions {
         true => "leave --tf out, and each is shown through a function for its kind, or choose another --tf",
         false => "choose another --tf, or --tf-shift",
     };
