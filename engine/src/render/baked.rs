@@ -347,6 +347,15 @@ mod tests {
     }
 
     #[test]
+    fn a_light_of_the_patient_stays_where_it_is() {
+        let row = types::Look { light: [0.0, 1.0, 0.0], light_turns: 1, ..bytemuck::Zeroable::zeroed() };
+        assert!(Lamp::new(&row).directions.iter().all(|of| of.light == DVec3::Y));
+        // That of the camera goes along.
+        let turned = Lamp::new(&types::Look { light_turns: 0, ..row });
+        assert!(turned.directions.iter().any(|of| of.light.dot(DVec3::Y) < 0.5));
+    }
+
+    #[test]
     fn a_lit_colour_is_near_to_the_light_from_any_side() {
         let first = crate::transfer::Light::default().direction();
         let light = (first * DVec3::new(1.0, 1.0, -1.0)).as_vec3().to_array();
