@@ -351,7 +351,8 @@ mod tests {
         let row = types::Look { light: [0.0, 1.0, 0.0], light_turns: 1, ..bytemuck::Zeroable::zeroed() };
         assert!(Lamp::new(&row).directions.iter().all(|of| of.light == DVec3::Y));
         // That of the camera goes along.
-        let turned = Lamp::new(&types::Look { light_turns: 0, ..row });
+        let of_camera = types::Look { light_turns: 0, ..row };
+        let turned = Lamp::new(&of_camera);
         assert!(turned.directions.iter().any(|of| of.light.dot(DVec3::Y) < 0.5));
     }
 

@@ -43,8 +43,9 @@ pub struct ConvertArguments {
     #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = worldly_layout, help_heading = "Output")]
     ply_layout: &'static PlyLayout,
     /// Gives the splats the colours and opacities of a transfer function in place of their HU, as .spz and .glb
-    /// need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these: CT-Bone, or
-    /// MR-Default without HU; where that shows nothing of the splats, a preset that does]
+    /// need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these: of several
+    /// objects the usual look of each; of one CT-Bone, or MR-Default without HU; where that shows nothing of the
+    /// splats, a preset that does]
     #[arg(long, value_name = "PRESET|FILE", help_heading = "Colours")]
     tf: Option<String>,
     /// Gives each object a colour of its own, the one that is usual for its name, as in `vgs render`
@@ -135,6 +136,8 @@ struct Report {
     left_out: usize,
     /// The transfer function whose colours the splats have.
     transfer_function: Option<String>,
+    /// True if objects have functions of their own.
+    of_each: bool,
     /// Number of splats of which that function shows nothing; they are left out.
     hidden: usize,
 }
@@ -182,6 +185,7 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
     }
     if coloured {
         (report.transfer_function, report.hidden) = (Some(look.transfer.name.clone()), ready.hidden);
+        report.of_each = !look.functions.is_empty();
     }
     let options =
         WriteOptions { layout: arguments.ply_layout, force: arguments.force, ..WriteOptions::default() };
@@ -192,7 +196,7 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
 /// Says what was written.
 fn tell(arguments: &ConvertArguments, console: &Console, report: &Report, ready: &Ready) -> Result<u8, Stop> {
     let ConvertArguments { splats, output, .. } = arguments;
-    let Report { whole, left_out, ref transfer_function, hidden } = *report;
+    let Report { whole, left_out, ref transfer_function, of_each, hidden } = *report;
     let size = |path: &PathBuf| std::fs::metadata(path).map_or(0, |found| found.len());
     let (before, after) = (size(splats), size(output));
     let count = ready.set.splats.len();
@@ -219,7 +223,8 @@ fn tell(arguments: &ConvertArguments, console: &Console, report: &Report, ready:
             0 => String::new(),
             hidden => format!("; {hidden} splats of which it shows nothing are left out"),
         };
-        console.say(&format!("colours and opacities are those of {name}{hidden}"));
+        let of = if of_each { "each object" } else { name };
+        console.say(&format!("colours and opacities are those of {of}{hidden}"));
     }
     console.say(&format!(
         "{}: {count} splats, {} ({:.1} bytes a splat); it was {}",

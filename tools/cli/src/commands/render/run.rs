@@ -510,8 +510,8 @@ fn warn_of_unseen(set: &SplatSet, look: &Look, own_functions: bool, asked: bool)
         })
         .collect();
     let (function, all) = (&look.transfer.name, objects.len());
-    let help = match asked && all > 1 && own_functions {
-        true => "leave --tf out, and each is shown through a function for its kind, or choose another --tf",
+    let help = match asked && all > 1 {
+        true => "leave --tf out, and every kind is shown, or choose another --tf",
         false => "choose another --tf, or --tf-shift",
     };
     match &unseen[..] {
