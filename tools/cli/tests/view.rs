@@ -101,7 +101,7 @@ fn what_is_edited_measured_and_written_is_there_again() {
     without_notice(&folder);
     let arguments = ["s.ply", "--tf", "CT-Soft-Tissue", "--report", "r.json"];
     let mut viewer = begin(&screen, &folder, &arguments);
-    // All of the window is on the screen, with the picture's lower edge.
+    // The size that the places below are told for.
     let whole = ["search", "--name", "vgs", "windowsize", "1280", "720"];
     let first = viewer.act(&whole);
     first.keep("edit-first");
@@ -289,6 +289,21 @@ fn a_session_is_packed_sent_and_opened_from_its_zip() {
     assert!(asked.differences(&first, [100, 100, 800, 600]) > 10_000);
     screen.hand(&["key", "Escape"]);
     viewer.settle();
+    assert_eq!(viewer.quit().code, 0);
+}
+
+#[test]
+fn a_window_fits_a_small_screen() {
+    let Some(screen) = Screen::of_size("1000x600") else { return };
+    let folder = folder();
+    without_notice(&folder);
+    let viewer = begin(&screen, &folder, &["s.ply", "--tf", "CT-Soft-Tissue"]);
+    let shot = screen.look();
+    shot.keep("small-screen");
+    // The line below has letters, from edge to edge.
+    let line = shot.count([0, 580, 1000, 600], bright);
+    let letters = shot.count([0, 580, 1000, 600], |pixel| pixel.iter().all(|&v| v > 100));
+    assert!(line > letters && letters > 100, "{letters} of {line} bright pixels in the line below");
     assert_eq!(viewer.quit().code, 0);
 }
 

@@ -15,6 +15,8 @@ use crate::region::Region;
 pub enum Action {
     /// Asks for a file to open.
     AskOpen,
+    /// Asks for a folder of DICOM slices to open.
+    AskOpenFolder,
     /// Opens splats, a volume, a mask or a session; carried out by the window.
     Open(Vec<PathBuf>),
     /// Asks for splats to open beside the others.
@@ -216,6 +218,13 @@ const TURN: f64 = 5.0;
 
 /// All keys. Of two rows with the same key the one with more modifiers comes first.
 pub static KEYS: &[Binding] = &[
+    row(
+        COMMAND_SHIFT,
+        Key::O,
+        "Open folder…",
+        "open a folder of DICOM slices as a scan",
+        Action::AskOpenFolder,
+    ),
     row(COMMAND, Key::O, "Open…", "open splats, a volume, a mask or a session", Action::AskOpen),
     row(
         COMMAND_SHIFT,

@@ -147,7 +147,7 @@ fn ends_in_separator(path: &str) -> bool {
 
 /// Returns the folder that is listed for a path: the part up to its last separator, so that it does not change while a
 /// name is typed.
-fn folder_of(path: &str) -> PathBuf {
+pub fn folder_of(path: &str) -> PathBuf {
     let end = path.rfind(std::path::is_separator).map_or(0, |at| at + 1);
     let folder = Path::new(&path[..end]);
     // Without the separator, except for the root.

@@ -9,7 +9,8 @@
 //! ```text
 //! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, pack, report, settings, panel_info, actions -> state
 //! viewer -> fitting, sorting, fit_plan, transfer, thumbnails, rendered_scene       app -> fit_plan, figures, region
-//! window -> theme          app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
+//! window -> theme          window -> portal -> system_dialog          viewer, app, prompt -> system_dialog
+//! app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
 //! app -> history, handles, cube          annotations -> handles, cube -> orbit          prompt, annotations -> state, theme
 //! app, prompt, panels -> actions -> orbit          app, panels -> panel_info -> histogram, state          app, panels -> theme
 //! panels -> slices, figures          panel_info -> thumbnails -> state, orbit
@@ -24,6 +25,7 @@
 //! canvas -> rendered_scene -> composer          canvas -> painter          handles, annotations -> orbit
 //! state     what is shown: the session file; `orbit` is its camera, `transfer` its transfer function, `region` that of
 //!           the volume, `deletions` are what is deleted of the splats
+//! system_dialog   what the dialog of the desktop is asked; `portal` shows it over D-Bus
 //! actions   what a user may ask for, with its keys; `settings` what is remembered from start to start
 //! editor, handles, history, pick, histogram   plain logic: of the curve, the planes, undo, the cursor, the counts; `cube` of the
 //!           patient's sides; `slices`: planes through the data
@@ -71,6 +73,8 @@ pub mod panel_info;
 pub mod panels;
 pub mod pick;
 pub mod picture_options;
+#[cfg(all(feature = "window", unix, not(target_os = "macos"), not(target_os = "android")))]
+pub mod portal;
 pub mod prompt;
 pub mod region;
 pub mod rendered_scene;
@@ -81,6 +85,7 @@ pub mod settings;
 pub mod slices;
 pub mod sorting;
 pub mod state;
+pub mod system_dialog;
 pub mod theme;
 pub mod thumbnails;
 pub mod transfer;

@@ -2,15 +2,15 @@
 
 use std::collections::BTreeSet;
 use std::fs::File;
-use std::io::{self, BufReader, Write};
+use std::io::{self, Write};
 use std::path::{Path, PathBuf};
 
 use engine::error::{Error, Kind, Result};
 use engine::volume::{Format, ReadOptions, dicom, files_of};
-use zip::write::{SimpleFileOptions, StreamWriter};
+use zip::write::SimpleFileOptions;
 use zip::{CompressionMethod, DateTime, ZipWriter};
 
-use crate::state::{Files, ViewState};
+use crate::state::{Copy, Files, ViewState, copy};
 
 /// Endings of files that are packed already.
 const PACKED: [&str; 5] = ["gz", "zip", "vgs", "spz", "inv3"];
@@ -69,7 +69,7 @@ pub fn pack(state: &ViewState, path: &Path, force: bool, progress: &mut dyn FnMu
         for ((name, path), &size) in plan.entries.iter().zip(&sizes) {
             progress(done as f32 / all.max(1) as f32);
             zip.start_file(name, options(method(path), size))?;
-            copy(path, &mut zip, size).map_err(|e| match e {
+            copy_file(path, &mut zip, size).map_err(|e| match e {
                 Copy::Read(e) => {
                     unread = Some(Error::io(path, "packing", &e));
                     io::Error::other("a file could not be read")
@@ -101,29 +101,10 @@ fn options(method: CompressionMethod, size: u64) -> SimpleFileOptions {
         .large_file(size >= LONG)
 }
 
-/// Which end of a copy failed.
-enum Copy {
-    Read(io::Error),
-    Write(io::Error),
-}
-
-fn copy<W: Write>(
-    path: &Path,
-    zip: &mut ZipWriter<StreamWriter<W>>,
-    size: u64,
-) -> std::result::Result<(), Copy> {
-    let mut file = BufReader::with_capacity(1 << 18, File::open(path).map_err(Copy::Read)?);
-    let mut count = 0;
-    loop {
-        let bytes = io::BufRead::fill_buf(&mut file).map_err(Copy::Read)?;
-        let length = bytes.len();
-        if length == 0 {
-            break;
-        }
-        zip.write_all(bytes).map_err(Copy::Write)?;
-        io::BufRead::consume(&mut file, length);
-        count += length as u64;
-    }
+/// Copies a file of this size.
+fn copy_file(path: &Path, to: &mut impl Write, size: u64) -> std::result::Result<(), Copy> {
+    let mut file = File::open(path).map_err(Copy::Read)?;
+    let count = copy(&mut file, to)?;
     if count == size { Ok(()) } else { Err(Copy::Read(io::Error::other("it changed meanwhile"))) }
 }
 

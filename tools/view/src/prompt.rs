@@ -1,4 +1,5 @@
-//! Asks for a file, with a list of its folder and settings for what is written.
+//! Questions for a file: what each purpose needs, and our own dialog, with a list of its folder and settings for what is
+//! written.
 
 use std::path::{Path, PathBuf};
 use std::sync::LazyLock;
@@ -7,10 +8,11 @@ use egui::{Context, DragValue, Id, Key, Modal, TextEdit, Ui};
 
 use crate::actions::Action;
 use crate::deletions::Target;
-use crate::file_list::{FileList, as_folder};
+use crate::file_list::{FileList, as_folder, folder_of};
 use crate::panels::widgets::{escaped, row};
 use crate::picture_options::{Backing, PictureOptions};
 use crate::state::{Files, is_packed};
+use crate::system_dialog::{Question, Wanted};
 
 /// Greatest number that a suggested name has.
 const MOST_NAMES: u32 = 10_000;
@@ -22,6 +24,8 @@ const WIDEST: u32 = 8192;
 pub enum Purpose {
     /// The file is opened.
     Open,
+    /// The DICOM slices in the folder are opened.
+    OpenFolder,
     /// Splats are opened from it beside the others.
     Beside,
     /// The session is written to it.
@@ -59,6 +63,7 @@ impl Purpose {
         });
         match self {
             Purpose::Open => ("Open splats, a volume, a mask or a session", "Open", DATA.as_slice()),
+            Purpose::OpenFolder => ("Open a folder of DICOM slices", "Open the folder", VOLUMES.as_slice()),
             Purpose::Beside => ("Open splats beside the others", "Open", SPLATS.as_slice()),
             Purpose::Save => ("Save the session", "Save", &[".toml"]),
             Purpose::Pack => ("Pack the session and all its files", "Pack", &[".zip"]),
@@ -93,7 +98,12 @@ impl Purpose {
     /// ending for a file that is read.
     fn name_endings(self) -> &'static str {
         match self {
-            Purpose::Open | Purpose::Find | Purpose::Beside | Purpose::Transfer | Purpose::Mask => "",
+            Purpose::Open
+            | Purpose::OpenFolder
+            | Purpose::Find
+            | Purpose::Beside
+            | Purpose::Transfer
+            | Purpose::Mask => "",
             Purpose::Save => ".toml",
             Purpose::Pack => ".zip",
             Purpose::Screenshot | Purpose::Record => ".png",
@@ -213,19 +223,23 @@ impl Prompt {
         let path = PathBuf::from(&self.path);
         let there = path.is_file();
         let force = there && self.purpose.writes();
-        let good = if self.purpose.writes() { path.file_name().is_some() && !path.is_dir() } else { there };
+        let good = match self.purpose {
+            Purpose::OpenFolder => path.is_dir(),
+            purpose if purpose.writes() => path.file_name().is_some() && !path.is_dir(),
+            _ => there,
+        };
         let mut answer = Answer::Open;
         ui.horizontal(|ui| {
             let word = if force { "Replace" } else { word };
             let done = ui.add_enabled(good, egui::Button::new(word)).clicked();
             // An existing file is replaced only by a click.
             if done || (good && !force && (entered || double)) {
-                answer = Answer::Do(self.action(path.clone(), force));
+                answer = Answer::Do(self.action(vec![path.clone()], force));
             }
             if matches!(self.purpose, Purpose::Open | Purpose::Find) && path.is_dir() {
                 let button = ui.button("Open the folder");
                 if button.on_hover_text("as a scan: all DICOM slices in it are one volume").clicked() {
-                    answer = Answer::Do(self.action(path.clone(), false));
+                    answer = Answer::Do(self.action(vec![path.clone()], false));
                 }
             }
             if ui.button("Cancel").clicked() {
@@ -275,10 +289,48 @@ impl Prompt {
         }
     }
 
-    fn action(&self, path: PathBuf, force: bool) -> Action {
+    /// Returns what the dialog of the desktop is asked; `None` if there is more to ask than a path.
+    pub fn question(&self) -> Option<Question> {
+        let wanted = match self.purpose {
+            Purpose::Screenshot | Purpose::Record | Purpose::Pack => return None,
+            Purpose::Open => Wanted::Files,
+            Purpose::OpenFolder => Wanted::Folder,
+            purpose if purpose.writes() => {
+                let name = Path::new(&self.path).file_name().unwrap_or_default();
+                Wanted::New(name.to_string_lossy().into_owned())
+            }
+            _ => Wanted::File,
+        };
+        let (title, button, endings) = self.purpose.words();
+        Some(Question { title, button, wanted, endings, folder: folder_of(&self.path) })
+    }
+
+    /// Takes the paths that the dialog of the desktop has given. It has asked before a file is replaced; where a missing
+    /// ending makes it another file, which is there, too, our own dialog has to ask.
+    pub fn take(&mut self, mut paths: Vec<PathBuf>) -> Answer {
+        let (.., endings) = self.purpose.words();
+        let named = paths.first().filter(|_| self.purpose.writes()).and_then(|path| path.file_name());
+        let name = named.map(|name| name.to_string_lossy().to_lowercase());
+        let lacks = name.is_some_and(|name| !endings.iter().any(|ending| name.ends_with(ending)));
+        if let Some(path) = paths.first_mut().filter(|_| lacks) {
+            path.as_mut_os_string().push(self.purpose.name_endings());
+        }
+        let there = self.purpose.writes() && paths.iter().any(|path| path.exists());
+        match paths.first() {
+            Some(path) if lacks && there => {
+                self.path = path.to_string_lossy().into_owned();
+                Answer::Open
+            }
+            _ => Answer::Do(self.action(paths, there)),
+        }
+    }
+
+    /// Returns what is done with the paths, of which only what opens files takes more than one.
+    fn action(&self, paths: Vec<PathBuf>, force: bool) -> Action {
         let Prompt { options, frames, .. } = *self;
+        let path = paths.first().cloned().unwrap_or_default();
         match self.purpose {
-            Purpose::Open => Action::Open(vec![path]),
+            Purpose::Open | Purpose::OpenFolder => Action::Open(paths),
             Purpose::Beside => Action::Beside(path),
             Purpose::Save => Action::Save { path, force },
             Purpose::Pack => Action::Pack { path, force },
@@ -307,6 +359,7 @@ mod tests {
         let liver = Target { file: 0, label: Some(5) };
         for (purpose, expected) in [
             (Purpose::Open, Action::Open(vec![path.clone()])),
+            (Purpose::OpenFolder, Action::Open(vec![path.clone()])),
             (Purpose::Beside, Action::Beside(path.clone())),
             (Purpose::Save, Action::Save { path: path.clone(), force: true }),
             (Purpose::Pack, Action::Pack { path: path.clone(), force: true }),
@@ -323,8 +376,50 @@ mod tests {
                 Action::SaveSplats { path: path.clone(), object: Some(liver), force: true },
             ),
         ] {
-            assert_eq!(prompt(purpose).action(path.clone(), true), expected);
+            assert_eq!(prompt(purpose).action(vec![path.clone()], true), expected);
         }
+    }
+
+    #[test]
+    fn the_dialog_of_the_desktop_is_asked_for_a_path_and_no_more() {
+        let files = Files { splats: vec![PathBuf::from("/bones.ply")], ..Files::default() };
+        let question = |purpose| Prompt::new(purpose, (&files, None), [640, 480], &[]).question();
+        let wanted = |purpose| question(purpose).map(|question| question.wanted);
+        assert_eq!(wanted(Purpose::Open), Some(Wanted::Files));
+        assert_eq!(wanted(Purpose::OpenFolder), Some(Wanted::Folder));
+        assert_eq!(wanted(Purpose::Mask), Some(Wanted::File));
+        for purpose in [Purpose::Screenshot, Purpose::Record, Purpose::Pack] {
+            assert_eq!(wanted(purpose), None, "{purpose:?} has options");
+        }
+        let expected = Question {
+            title: "Save the session",
+            button: "Save",
+            wanted: Wanted::New("bones.toml".into()),
+            endings: &[".toml"],
+            folder: "/".into(),
+        };
+        assert_eq!(question(Purpose::Save), Some(expected));
+    }
+
+    #[test]
+    fn what_the_desktop_has_asked_about_is_replaced_and_nothing_else() {
+        let folder = tempfile::tempdir().expect("a folder");
+        let at = |name: &str| folder.path().join(name);
+        ["old.PLY", "old.toml"].iter().for_each(|name| std::fs::write(at(name), "").expect("a file"));
+        let mut prompt = Prompt::new(Purpose::SaveSplats, (&Files::default(), None), [640, 480], &[]);
+        let saved =
+            |name: &str, force| Answer::Do(Action::SaveSplats { path: at(name), object: None, force });
+        assert_eq!(prompt.take(vec![at("new.spz")]), saved("new.spz", false));
+        assert_eq!(prompt.take(vec![at("old.PLY")]), saved("old.PLY", true));
+        assert_eq!(prompt.take(vec![at("new")]), saved("new.ply", false));
+        assert_eq!(prompt.take(vec![at("old.toml")]), saved("old.toml.ply", false));
+        let mut prompt = Prompt::new(Purpose::Save, (&Files::default(), None), [640, 480], &[]);
+        assert_eq!(prompt.take(vec![at("old")]), Answer::Open, "nobody was asked about old.toml");
+        assert_eq!(PathBuf::from(prompt.path), at("old.toml"));
+        // What is read keeps its name.
+        let mut prompt = Prompt::new(Purpose::Open, (&Files::default(), None), [640, 480], &[]);
+        let both = vec![at("old"), at("old.PLY")];
+        assert_eq!(prompt.take(both.clone()), Answer::Do(Action::Open(both)));
     }
 
     #[test]

@@ -21,6 +21,8 @@ pub struct Settings {
     pub notice_seen: bool,
     /// True if the card of what buttons do in a headset was seen.
     pub headset_card_seen: bool,
+    /// True if the window asks for files by its own dialog although the desktop has one.
+    pub own_file_dialog: bool,
     /// Time that the last whole fit of each profile and quality took for a million voxels, seconds.
     pub fit_seconds: BTreeMap<String, f64>,
     /// Files that were opened, the latest first.

@@ -18,6 +18,9 @@ use crate::report::WindowReport;
 use crate::theme;
 use crate::viewer::{ActiveWindow, Start, Viewer, is_lost};
 
+/// Size of a new window on a screen that has room for it, points of the screen.
+const SIZE: LogicalSize<f64> = LogicalSize::new(1280.0, 800.0);
+
 /// Event that wakes the loop: something was read or written.
 #[derive(Debug)]
 struct Woken;
@@ -75,7 +78,7 @@ fn open(
         None => {
             let attributes = Window::default_attributes()
                 .with_title(title)
-                .with_inner_size(LogicalSize::new(1280.0, 800.0))
+                .with_inner_size(first_size(event_loop))
                 .with_min_inner_size(LogicalSize::new(320.0, 240.0));
             Arc::new(event_loop.create_window(attributes).map_err(|e| no_window(&e))?)
         }
@@ -98,14 +101,46 @@ fn open(
     Ok(ActiveWindow { canvas, input, window })
 }
 
+/// Returns the size of a new window, points of the screen: of what the screen has room for.
+fn first_size(event_loop: &ActiveEventLoop) -> LogicalSize<f64> {
+    let monitor = event_loop.primary_monitor().or_else(|| event_loop.available_monitors().next());
+    let room = monitor.map(|monitor| monitor.size().to_logical::<f64>(monitor.scale_factor()));
+    let room = room.filter(|room| room.width > 0.0 && room.height > 0.0).unwrap_or(SIZE);
+    LogicalSize::new(SIZE.width.min(room.width), SIZE.height.min(room.height))
+}
+
 fn pixels(size: PhysicalSize<u32>) -> [u32; 2] {
     [size.width, size.height]
 }
 
+/// Has the viewer ask for files by the dialog of the desktop, above this window.
+#[cfg(all(unix, not(target_os = "macos"), not(target_os = "android")))]
+fn use_system_dialog(viewer: &mut Viewer, window: &Window) {
+    use raw_window_handle::{HasWindowHandle, RawWindowHandle};
+    let parent = match window.window_handle().map(|handle| handle.as_raw()) {
+        Ok(RawWindowHandle::Xlib(handle)) => format!("x11:{:x}", handle.window),
+        Ok(RawWindowHandle::Xcb(handle)) => format!("x11:{:x}", handle.window),
+        // Wayland names windows for other programs by a protocol of its own.
+        _ => String::new(),
+    };
+    let wake = viewer.waker();
+    viewer.use_system_dialog(Box::new(move |question| {
+        let wake = Arc::clone(&wake);
+        crate::portal::ask(question, parent.clone(), move || wake())
+    }));
+}
+
+#[cfg(not(all(unix, not(target_os = "macos"), not(target_os = "android"))))]
+fn use_system_dialog(_: &mut Viewer, _: &Window) {}
+
 impl Program {
     fn begin(&mut self, event_loop: &ActiveEventLoop, window: Option<Arc<Window>>) {
+        let is_first = window.is_none();
         match open(event_loop, &self.options, self.viewer.title(), window) {
             Ok(mut active) => {
+                if is_first {
+                    use_system_dialog(&mut self.viewer, &active.window);
+                }
                 active.window.request_redraw();
                 if let Err(error) = self.viewer.set_device(&mut active.canvas) {
                     return self.fail(event_loop, error);

@@ -26,9 +26,15 @@ fn tool(name: &str) -> PathBuf {
 }
 
 impl Screen {
-    /// Nothing, with a sentence, where there is no Xvfb.
+    /// A screen that has room for the viewer's window. Nothing, with a sentence, where there is no Xvfb.
     pub fn new() -> Option<Self> {
+        Self::of_size("1280x800")
+    }
+
+    /// A screen of another size.
+    pub fn of_size(size: &str) -> Option<Self> {
         let mut server = Command::new(tool("xvfb"))
+            .env("VGS_SCREEN_SIZE", size)
             .args(["sh", "-c", "echo $DISPLAY $VGS_SCREEN; exec cat"])
             .stdin(Stdio::piped())
             .stdout(Stdio::piped())
@@ -162,6 +168,8 @@ impl<'a> Viewer<'a> {
             .env("DISPLAY", &screen.display)
             .env_remove("WAYLAND_DISPLAY")
             .env("XDG_CONFIG_HOME", folder.path("config"))
+            // A dialog of the desktop would be none of this screen.
+            .env("DBUS_SESSION_BUS_ADDRESS", "unix:path=/nowhere")
             .envs(environment.iter().copied())
             .spawn()
             .expect("the viewer starts");

@@ -12,6 +12,7 @@ use engine::render::{Camera, UsualLook};
 use engine::transfer::PRESETS;
 use glam::DVec3;
 
+use super::asking::Asked;
 use super::drag::Drag;
 use super::held_keys::HeldKeys;
 use crate::actions::{Action, pressed};
@@ -24,10 +25,11 @@ use crate::panels::notice::{Leaving, Loss};
 use crate::panels::series::{Choice, SeriesPictures};
 use crate::panels::status::Reading;
 use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
-use crate::prompt::{Answer, Prompt, Purpose};
+use crate::prompt::{Prompt, Purpose};
 use crate::series::Series;
 use crate::settings::Settings;
 use crate::state::{Bookmark, Edited, Files, Object, Subject, ViewState, is_session};
+use crate::system_dialog::SystemDialog;
 use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
@@ -89,7 +91,12 @@ pub struct App {
     /// Session that is opened once its missing files are found or left out.
     pub(super) missing: Option<Missing>,
     pub(super) messages: Messages,
+    /// Question that our own dialog shows.
     pub(super) prompt: Option<Prompt>,
+    /// Dialog of the desktop; `None` where there is none.
+    pub system_dialog: Option<SystemDialog>,
+    /// Question that the dialog of the desktop shows.
+    pub(super) asked: Option<Asked>,
     /// Target that is dragged while a button is down.
     pub(super) grip: Option<Drag>,
     pub(super) picture: Rect,
@@ -124,6 +131,8 @@ impl App {
             missing: None,
             messages: Messages::default(),
             prompt: None,
+            system_dialog: None,
+            asked: None,
             grip: None,
             picture: Rect::NOTHING,
             pixels_per_point: 1.0,
@@ -245,20 +254,21 @@ impl App {
 
     /// Asks whether to end although something would be lost.
     pub fn ask_to_leave(&mut self) {
-        (self.prompt, self.saves_to_leave) = (None, None);
+        self.end_questions();
         self.leaving = Some(Action::Quit);
     }
 
     /// Asks which of several series is meant.
     pub fn ask_series(&mut self, series: Series) {
-        (self.prompt, self.series) = (None, Some(series));
+        self.end_questions();
+        self.series = Some(series);
         self.series_pictures.clear();
     }
 
     /// Asks where files of a session are that are not where it says.
     pub fn ask_missing(&mut self, state: ViewState, session: PathBuf) {
-        self.prompt = None;
-        self.missing = Some(Missing { state, session, wanted: None });
+        self.end_questions();
+        self.missing = Some(Missing::new(state, session));
     }
 
     /// Takes the session, with its file, whose missing files were found or left out.
@@ -351,16 +361,18 @@ impl App {
             }
             Action::AskPack => self.ask(Purpose::Pack),
             Action::AskFound(path) => {
-                if let Some(missing) = &mut self.missing {
-                    missing.wanted = Some(path);
+                // Dialogs of the desktop take either a file or a folder.
+                let may_be_folder = path.extension().is_none();
+                self.missing.as_mut()?.wanted = Some(path);
+                if may_be_folder {
+                    self.ask_by_own_dialog(Purpose::Find);
+                } else {
                     self.ask(Purpose::Find);
                 }
             }
             Action::Found(found) => {
-                let missing = self.missing.as_mut()?;
-                let wanted = missing.wanted.take()?;
-                missing.state.files.replace_missing(&wanted, &found);
-                return missing.state.files.missing().is_empty().then_some(Action::BeginSession);
+                let all = self.missing.as_mut()?.take(&found);
+                return all.then_some(Action::BeginSession);
             }
             Action::LeaveOutMissing => {
                 let state = &mut self.missing.as_mut()?.state;
@@ -400,6 +412,7 @@ impl App {
                 }
             }
             Action::AskOpen => self.ask(Purpose::Open),
+            Action::AskOpenFolder => self.ask(Purpose::OpenFolder),
             Action::AskSave => self.ask(Purpose::Save),
             Action::AskScreenshot => self.ask(Purpose::Screenshot),
             Action::AskRecord => self.ask(Purpose::Record),
@@ -470,7 +483,7 @@ impl App {
             Action::DeleteOutside => self.delete(false, info),
             Action::Cancel => {
                 self.measuring = None;
-                (self.prompt, self.saves_to_leave) = (None, None);
+                self.end_questions();
                 self.keys = false;
                 self.leaving = None;
                 self.messages.close();
@@ -505,13 +518,6 @@ impl App {
         let ends = *action == Action::Quit;
         let begins = matches!(action, Action::Open(paths) if paths.iter().any(|path| is_session(path)));
         Loss { fit: ends && info.fit.is_some(), session: (ends || begins) && self.is_changed() }
-    }
-
-    fn ask(&mut self, purpose: Purpose) {
-        let size = self.picture.size() * self.pixels_per_point;
-        let size = [size.x, size.y].map(|n| (n.round() as u32).max(16));
-        let shown = (&self.state.files, self.session.as_deref());
-        self.prompt = Some(Prompt::new(purpose, shown, size, &self.settings.recent));
     }
 
     fn report_outcome(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
@@ -615,23 +621,14 @@ impl App {
 
     /// Shows the windows over everything else.
     fn windows(&mut self, context: &egui::Context, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
-        if let Some(prompt) = &mut self.prompt {
-            match prompt.show(context) {
-                Answer::Open => {}
-                Answer::Cancelled => (self.prompt, self.saves_to_leave) = (None, None),
-                Answer::Do(action) => {
-                    self.prompt = None;
-                    actions.push(action);
-                }
-            }
-        }
+        self.show_question(context, actions);
         let pictures = &mut self.series_pictures;
         match self.series.as_ref().and_then(|series| panels::series::show(context, series, pictures)) {
             None => {}
             Some(Choice::Number(number)) => actions.push(Action::Series(number)),
             Some(Choice::Cancel) => self.series = None,
         }
-        let asked = self.missing.as_ref().filter(|_| self.prompt.is_none());
+        let asked = self.missing.as_ref().filter(|_| self.prompt.is_none() && self.asked.is_none());
         match asked.and_then(|asked| missing::show(context, asked)) {
             None => {}
             Some(missing::Choice::Find(path)) => actions.push(Action::AskFound(path)),
@@ -656,6 +653,7 @@ impl App {
             match answer {
                 Some(Leaving::Stay) => {}
                 Some(Leaving::Save) => {
+                    self.end_questions();
                     self.ask(Purpose::Save);
                     self.saves_to_leave = Some(action);
                 }

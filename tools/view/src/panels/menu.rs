@@ -34,7 +34,9 @@ pub struct Menus<'a> {
 pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
     MenuBar::new().ui(ui, |ui| {
         ui.menu_button("File", |ui| {
-            item(ui, true, Action::AskOpen, actions);
+            for action in [Action::AskOpen, Action::AskOpenFolder] {
+                item(ui, true, action, actions);
+            }
             ui.add_enabled_ui(!menus.recent.is_empty(), |ui| {
                 ui.menu_button("Recent", |ui| {
                     for path in menus.recent {

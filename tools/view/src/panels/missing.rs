@@ -1,6 +1,6 @@
 //! Question where the missing files of a session are.
 
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use egui::{Context, Id, Modal, ScrollArea};
 
@@ -16,6 +16,26 @@ pub struct Missing {
     pub session: PathBuf,
     /// Missing file that the user is asked for.
     pub wanted: Option<PathBuf>,
+    /// Files that are missing, as they are listed.
+    files: Vec<PathBuf>,
+}
+
+impl Missing {
+    /// Creates the question.
+    pub fn new(state: ViewState, session: PathBuf) -> Self {
+        let files = state.files.missing();
+        Missing { state, session, wanted: None, files }
+    }
+
+    /// Takes a file for the one that is wanted, and others that lie beside it for theirs. Returns true if none is missing
+    /// any more.
+    pub fn take(&mut self, found: &Path) -> bool {
+        if let Some(wanted) = self.wanted.take() {
+            self.state.files.replace_missing(&wanted, found);
+            self.files = self.state.files.missing();
+        }
+        self.files.is_empty()
+    }
 }
 
 /// Answer of a user who is asked for missing files.
@@ -31,7 +51,7 @@ pub enum Choice {
 
 /// Asks where the missing files are. Returns the answer once there is one.
 pub fn show(context: &Context, asked: &Missing) -> Option<Choice> {
-    let missing = asked.state.files.missing();
+    let missing = &asked.files;
     let modal = Modal::new(Id::new("missing")).show(context, |ui| {
         ui.set_width(460.0);
         ui.heading(if missing.len() == 1 { "A file is missing" } else { "Files are missing" });
@@ -39,7 +59,7 @@ pub fn show(context: &Context, asked: &Missing) -> Option<Choice> {
         ui.label(format!("{name} shows files that are neither where it says nor beside it."));
         let mut choice = None;
         ScrollArea::vertical().max_height(240.0).show(ui, |ui| {
-            for path in &missing {
+            for path in missing {
                 ui.horizontal(|ui| {
                     let find =
                         ui.button("Find…").on_hover_text("say where it is; others beside it are found, too");

@@ -16,13 +16,14 @@ const MOST: usize = 8;
 
 /// Offers to open files, in the middle of `rect`.
 pub fn show(ui: &mut Ui, rect: Rect, recent: &[PathBuf], actions: &mut Vec<Action>) {
-    let size = vec2(360.0, 120.0 + 26.0 * recent.len().min(MOST) as f32);
+    let size = vec2(360.0, 146.0 + 26.0 * recent.len().min(MOST) as f32);
     let place = Rect::from_center_size(rect.center(), size).intersect(rect);
     ui.scope_builder(UiBuilder::new().max_rect(place), |ui| {
         ui.vertical_centered(|ui| {
             ui.heading("Nothing is open");
             ui.weak("Drop splats, a volume, a mask or a session here.");
             ask(ui, "Open…", Action::AskOpen, actions);
+            ask(ui, "Open folder…", Action::AskOpenFolder, actions);
             if recent.is_empty() {
                 return;
             }

@@ -24,4 +24,5 @@ pub use state::{
     Subject, VERSION, ViewState, is_session, mode_row,
 };
 pub(crate) use state::{text_of, toml_text};
+pub(crate) use unpacked::{Copy, copy};
 pub use unpacked::{Unpacked, is_packed};

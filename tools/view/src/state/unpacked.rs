@@ -1,7 +1,7 @@
 //! Packed sessions: a zip with a session file and all that it names, opened from a folder that goes with it.
 
 use std::fs::{self, File};
-use std::io::{self, BufReader, Read};
+use std::io::{self, BufReader, Read, Write};
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::time::Duration;
@@ -171,13 +171,14 @@ fn remove_abandoned(temporary: &Path) {
 }
 
 /// Which end of a copy failed.
-enum Copy {
+pub(crate) enum Copy {
     Read(io::Error),
     Write(io::Error),
 }
 
-fn copy(from: &mut impl Read, to: &mut File) -> std::result::Result<u64, Copy> {
-    let mut buffer = vec![0; 1 << 16];
+/// Copies all bytes, and returns their number.
+pub(crate) fn copy(from: &mut impl Read, to: &mut impl Write) -> std::result::Result<u64, Copy> {
+    let mut buffer = vec![0; 1 << 18];
     let mut written = 0;
     loop {
         let count = match from.read(&mut buffer) {
@@ -186,7 +187,7 @@ fn copy(from: &mut impl Read, to: &mut File) -> std::result::Result<u64, Copy> {
             Err(e) if e.kind() == io::ErrorKind::Interrupted => continue,
             Err(e) => return Err(Copy::Read(e)),
         };
-        io::Write::write_all(to, &buffer[..count]).map_err(Copy::Write)?;
+        to.write_all(&buffer[..count]).map_err(Copy::Write)?;
         written += count as u64;
     }
 }

@@ -27,6 +27,7 @@ use crate::rendered_scene::RenderSetup;
 use crate::report::WindowReport;
 use crate::settings::Settings;
 use crate::state::{Clip, Files, SplatMode, Subject, ViewState};
+use crate::system_dialog::SystemDialog;
 use crate::thumbnails::Thumbnails;
 use crate::transfer::Transfer;
 
@@ -219,6 +220,16 @@ impl Viewer {
             files.splats.iter().chain(&files.beside).chain(&files.volume).filter_map(|p| p.file_name());
         let names: Vec<_> = names.map(|n| n.to_string_lossy()).collect();
         if names.is_empty() { "vgs".to_owned() } else { format!("{} - vgs", names.join(", ")) }
+    }
+
+    /// Asks for files by the dialog of the desktop, unless the user wants our own.
+    pub fn use_system_dialog(&mut self, dialog: SystemDialog) {
+        self.app.system_dialog = Some(dialog).filter(|_| !self.app.settings.own_file_dialog);
+    }
+
+    /// Returns a function that wakes the window, from any thread.
+    pub fn waker(&self) -> Arc<dyn Fn() + Send + Sync> {
+        self.loader.waker()
     }
 
     /// Notes an event that a frame may have to answer.

@@ -11,6 +11,8 @@ use crate::region::RegionSize;
 use crate::state::{Object, SplatMode};
 use crate::transfer::Transfer;
 
+#[path = "asking.rs"]
+mod asking;
 #[path = "bench.rs"]
 mod bench;
 #[path = "beside.rs"]
