@@ -22,8 +22,8 @@ fn with_dialogs() -> (Bench, Shown) {
 }
 
 fn is_closed(replier: &Replier) -> bool {
-    let mut context = std::task::Context::from_waker(std::task::Waker::noop());
-    replier.poll_dropped(&mut context).is_ready()
+    let context = std::task::Context::from_waker(std::task::Waker::noop());
+    replier.poll_dropped(&context).is_ready()
 }
 
 #[test]
