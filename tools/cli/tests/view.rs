@@ -300,10 +300,9 @@ fn a_window_fits_a_small_screen() {
     let viewer = begin(&screen, &folder, &["s.ply", "--tf", "CT-Soft-Tissue"]);
     let shot = screen.look();
     shot.keep("small-screen");
-    // The line below has letters, from edge to edge.
-    let line = shot.count([0, 580, 1000, 600], bright);
-    let letters = shot.count([0, 580, 1000, 600], |pixel| pixel.iter().all(|&v| v > 100));
-    assert!(line > letters && letters > 100, "{letters} of {line} bright pixels in the line below");
+    // The line below begins with letters; the picture has none there.
+    let letters = shot.count([40, 582, 150, 600], |pixel| pixel.iter().all(|&v| v > 100));
+    assert!(letters > 50, "{letters} bright pixels in the line below");
     assert_eq!(viewer.quit().code, 0);
 }
 
