@@ -39,7 +39,7 @@ fn without_memory_it_ends_with_its_exit_code() {
         assert!(codes[0] == Some(71) && codes[4] == Some(0), "{arguments:?}: {codes:?}");
     }
     // What is not a reader's does not ask before: the allocation itself fails.
-    let ended = within(&folder, 40, &["phantom", "-o", "phantom.nii", "--size", "230"]);
+    let ended = within(&folder, 60, &["phantom", "-o", "phantom.nii", "--size", "230"]);
     let said = String::from_utf8_lossy(&ended.stderr);
     assert_eq!(ended.status.code(), Some(71), "{:?}: {said}", ended.status);
     assert!(said.contains("memory allocation of 48668000 bytes failed"), "{said}");

@@ -12,7 +12,7 @@ use crate::file_list::{FileList, as_folder, folder_of};
 use crate::panels::widgets::{escaped, row};
 use crate::picture_options::{Backing, PictureOptions};
 use crate::state::{Files, is_packed};
-use crate::system_dialog::{Question, Wanted};
+use crate::system_dialog::{Pending, Question, Wanted};
 
 /// Greatest number that a suggested name has.
 const MOST_NAMES: u32 = 10_000;
@@ -146,6 +146,14 @@ pub struct Prompt {
     has_dicom: bool,
     /// True until it was shown; then the path takes the keyboard focus.
     fresh: bool,
+}
+
+/// Question that the dialog of the desktop shows.
+pub struct Asked {
+    /// The question, should our own dialog have to show it.
+    pub prompt: Prompt,
+    /// The answer on its way.
+    pub answer: Pending,
 }
 
 /// Result of showing a question.

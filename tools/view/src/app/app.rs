@@ -12,7 +12,6 @@ use engine::render::{Camera, UsualLook};
 use engine::transfer::PRESETS;
 use glam::DVec3;
 
-use super::asking::Asked;
 use super::drag::Drag;
 use super::held_keys::HeldKeys;
 use crate::actions::{Action, pressed};
@@ -25,7 +24,7 @@ use crate::panels::notice::{Leaving, Loss};
 use crate::panels::series::{Choice, SeriesPictures};
 use crate::panels::status::Reading;
 use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
-use crate::prompt::{Prompt, Purpose};
+use crate::prompt::{Asked, Prompt, Purpose};
 use crate::series::Series;
 use crate::settings::Settings;
 use crate::state::{Bookmark, Edited, Files, Object, Subject, ViewState, is_session};

@@ -4,15 +4,8 @@ use egui::{Context, Key, Modifiers};
 
 use super::app::App;
 use crate::actions::Action;
-use crate::prompt::{Answer, Prompt, Purpose};
-use crate::system_dialog::{Pending, Reply};
-
-/// Question that the dialog of the desktop shows.
-pub(super) struct Asked {
-    /// The question, should our own dialog have to show it.
-    prompt: Prompt,
-    answer: Pending,
-}
+use crate::prompt::{Answer, Asked, Prompt, Purpose};
+use crate::system_dialog::Reply;
 
 impl App {
     /// Asks for a file.
