@@ -1,8 +1,8 @@
 // Marches rays through a volume or a decoded field (medium.glsl): V and O by trilinear sampling, then the
-// transfer function, front to back, until no light is left. A ray is cut into cells of one step; a cell's
-// share of the ray is what clip planes and the volume's box leave of it, so a homogeneous medium absorbs
-// exactly. Bricks that show nothing are leapt over, as many at a time as their distance to the next one that
-// does allows. Where little is added, the light of a cell serves for the next one, too.
+// transfer function, front to back, until no light is left. A ray is cut into cells, and those that can show
+// something into parts, each with a sample of its own; a cell's share of the ray is what clip planes and the
+// volume's box leave of it, so a homogeneous medium absorbs exactly. Bricks that show nothing are leapt over, as many at a time as their distance to the next one that
+// does allows. Where little is added, the light of a part serves for the next one, too.
 //
 // The rays of a subgroup go together, cell by cell: what they read lies close together, and no ray waits for
 // another's brick. What a ray gathers does not depend on its company, since a cell that it could have leapt
@@ -29,13 +29,17 @@ layout(push_constant, scalar) uniform RaymarchParams {
     float first;
     float span;
     uvec2 size;
-    float step;
+    float cell;
+    uint parts;
+    float slack;
     float dark;
     float edge;
 } p;
 layout(scalar, binding = 5) readonly buffer Distances { uint distances[]; };
 // Factors of the opacity over the gradient magnitude, GRADIENT_ENTRIES for each transfer function.
 layout(scalar, binding = 10) readonly buffer GradientFactors { float gradient_factors[]; };
+// For each entry of the scene's function the number of entries before it at which a function shows something.
+layout(scalar, binding = 11) readonly buffer Visible { uint visible_before[]; };
 
 // What a ray brings back.
 struct Gathered {
@@ -99,6 +103,18 @@ vec4 objects_shown(vec3 at, vec2 way, float magnitude, float shown) {
         sum += voxel.shown * got.a * vec4(tinted(got.rgb, voxel.object.tint), 1.0);
     }
     return sum.a > 0.0 ? vec4(sum.rgb / sum.a, sum.a) : vec4(0.0);
+}
+
+// Whether a cell between these V and O can show something: a function does at an intensity between them, or a little
+// beyond, since V may go farther between the ends: by the slack or, where it turns after it has changed much from `past`
+// on, the start of the cell before, by that less half of what it changes here.
+bool could_show(float past, vec2 start, vec2 end) {
+    float rise = start.x - past, half_change = 0.5 * abs(end.x - start.x);
+    vec2 ends = vec2(min(start.x, end.x) - max(p.slack, -rise - half_change),
+        max(start.x, end.x) + max(p.slack, rise - half_change));
+    vec2 at = (ends - look_rows[0].first) * look_rows[0].inverse_step;
+    vec2 entry = clamp(vec2(floor(at.x), ceil(at.y)), 0.0, look_rows[0].last);
+    return max(start.y, end.y) > 0.0 && visible_before[uint(entry.y) + 1] > visible_before[uint(entry.x)];
 }
 
 // O (V - dark)
@@ -210,7 +226,7 @@ Gathered march(vec2 place, uint view, bool wanted) {
     range.y = min(range.y, min(leaves.x, min(leaves.y, leaves.z)));
 
     // Cell k goes from depth (k + shift) dz to (k + 1 + shift) dz.
-    float dz = p.step / len;
+    float dz = p.cell / len;
     float shift = 0.0;
     if (JITTER == 1) shift = noise(uvec2(place), view);
     bool open = wanted && range.x < range.y;
@@ -228,8 +244,8 @@ Gathered march(vec2 place, uint view, bool wanted) {
     float until = k; // in the cells before this one nobody leaves a brick
     bool shown = false; // whether the ray's own brick can be seen
 
-    // Of a subgroup, where work is counted: rounds of the loop, those of them in which the field was sampled, and
-    // those in which the gradient was.
+    // Of a subgroup, where work is counted: rounds of the loops, the times that the field was sampled, and those that
+    // the gradient was.
     uvec3 work = uvec3(0);
     vec3 colour = vec3(0.0);
     float clear = 1.0;
@@ -240,18 +256,21 @@ Gathered march(vec2 place, uint view, bool wanted) {
     if (SHADED == 1) source = look_source(v);
     mat3 from_voxel = mat3(0.0);
     if (OCCLUDED == 1) from_voxel = scene_from_voxel();
-    vec2 before = vec2(0.0, -1.0); // V and O at the end of the cell before; O < 0: not known
+    bool ends_known = p.parts > 1u || SEGMENTS == 1; // cells of one part are sampled there alone
+    bool samples_all = true; // else the last part is told by the end of its cell
+    if (SEGMENTS == 1) samples_all = OBJECTS != 0;
+    float share_of_part = 1.0 / float(p.parts);
+    vec2 start = vec2(0.0, -1.0); // V and O at the start of the cell; O < 0: not known
+    float past = 0.0; // V at the start of the cell before
     while (k <= last && subgroupAny(open)) {
         if (COUNTING == 1) work.x += 1;
         float from = max((k + shift) * dz, range.x), to = min((k + 1.0 + shift) * dz, range.y);
         open = open && from < range.y;
         bool there = open && from < to;
-        float z = 0.5 * (from + to);
-        if (SEGMENTS == 1) z = to;
-        if (!there) z = NEAREST; // anything finite: it is not used
-        vec3 at = origin + z * direction;
+        if (!there) from = to = NEAREST; // anything finite: it is not used
         bool leap = false;
         if (k >= until) {
+            vec3 at = origin + 0.5 * (from + to) * direction;
             uvec3 brick = min(uvec3(max(at + 1.0, 0.0)) >> p.grid.shift, p.grid.bricks - 1);
             int away = int(distances[brick_index(p.grid, brick)]);
             // The faces behind which this brick ends, or the cube of empty ones around it.
@@ -269,79 +288,108 @@ Gathered march(vec2 place, uint view, bool wanted) {
         // Not `continue`: with it a CPU driver masks all that follows.
         if (leap) {
             k = until;
-            before.y = -1.0;
+            start.y = -1.0;
         } else {
-            if (COUNTING == 1) work.y += 1;
-            vec4 tint;
-            vec2 here = field_at(at, tint);
-            vec4 got;
-            float occupancy = here.y;
-            vec3 slopes = vec3(0.0);
-            float magnitude = 0.0;
-            // Functions of objects are asked together with the gradient, that of the scene before it.
-            bool asks = there && OBJECTS == OWN_FUNCTIONS && here.y > 0.0;
-            if (GRADED == 1) {
-                if (subgroupAny(asks)) {
-                    if (COUNTING == 1) work.z += 1;
-                    slopes = gradient_at(at);
-                    magnitude = magnitude_of(slopes);
+            bool cut = there && shown;
+            vec2 end = vec2(0.0, -1.0);
+            if (ends_known) {
+                vec4 unused;
+                // After a leap, or where the ray enters.
+                bool begins = there && start.y < 0.0;
+                if (subgroupAny(begins)) {
+                    if (COUNTING == 1) work.y += 2;
+                    vec2 found = field_at(origin + from * direction, unused);
+                    vec2 earlier = field_at(origin + max((k - 1.0 + shift) * dz, range.x) * direction, unused);
+                    if (begins) {
+                        start = found;
+                        past = earlier.x;
+                    }
                 }
+                if (COUNTING == 1) work.y += 1;
+                end = field_at(origin + to * direction, unused);
+                cut = cut && could_show(past, start, end);
             }
-            if (SEGMENTS == 1) {
-                if (before.y < 0.0) before = here;
-                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, vec2(before.x, here.x), magnitude, here.y);
-                else got = look_segment(0u, before.x, here.x);
-                occupancy = 0.5 * (before.y + here.y);
-                before = here;
-                // What comes from a brick that is leapt over where the ray is alone does not count; else long
-                // steps would bring something from there.
-                if (!shown) before.y = -1.0;
-            } else {
-                if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, here.xx, magnitude, here.y);
-                else got = look_point(0u, here.x);
-            }
-            asks = there && OBJECTS != OWN_FUNCTIONS && got.a * occupancy > 0.0;
-            if (GRADED == 1) {
-                if (subgroupAny(asks)) {
-                    if (COUNTING == 1) work.z += 1;
-                    slopes = gradient_at(at);
-                    occupancy *= gradient_factor(0u, magnitude_of(slopes));
+            uint rounds = subgroupAny(cut) ? p.parts : 0u;
+            float part = (to - from) * share_of_part;
+            vec2 before = start;
+            for (uint i = 0; i < rounds; ++i) {
+                bool wanted = open && cut;
+                float z = from + (float(i) + 0.5) * part;
+                if (SEGMENTS == 1) z = from + float(i + 1u) * part;
+                vec3 at = origin + z * direction;
+                vec4 tint = vec4(0.0);
+                vec2 here = end;
+                if (samples_all || i + 1u < p.parts) {
+                    if (COUNTING == 1) work.y += 1;
+                    here = field_at(at, tint);
                 }
-            }
-            float path = (to - from) * len;
-            float opacity = OBJECTS == OWN_FUNCTIONS
-                ? 1.0 - exp(path * log(1.0 - got.a))
-                : look_opacity(got.a, occupancy, path);
-            float share = clear * opacity;
-            if (!there || SEGMENTS == 1 && !shown) share = 0.0;
-            vec3 base = got.rgb;
-            if (OBJECTS == TINTS) base = tinted(base, tint);
-            if (SHADED == 1) {
-                bool anew = share > STRONG || share > FAINT && mod(k, 2.0) == 0.0;
-                if (subgroupAny(anew)) {
-                    if (GRADED == 0) {
+                vec4 got;
+                float occupancy = here.y;
+                vec3 slopes = vec3(0.0);
+                float magnitude = 0.0;
+                // Functions of objects are asked together with the gradient, that of the scene before it.
+                bool asks = wanted && OBJECTS == OWN_FUNCTIONS && here.y > 0.0;
+                if (GRADED == 1) {
+                    if (subgroupAny(asks)) {
                         if (COUNTING == 1) work.z += 1;
                         slopes = gradient_at(at);
-                    }
-                    vec3 found = turned(v, gradient_in_scene(slopes));
-                    if (anew) gradient = found;
-                    if (OCCLUDED == 1) {
-                        // A long cell is seen at its front. Its sample may lie behind the crest of a thin shell, where
-                        // the field falls inwards: the outside of what hides all behind it is still the viewer's side.
-                        float seen = from + seen_part(opacity) * (to - from);
-                        bool behind_crest = opacity > HIDING && dot(found, vec3(tangents, 1.0)) < 0.0;
-                        vec3 inward = behind_crest ? -slopes : slopes;
-                        float occlusion =
-                            occlusion_at(origin + seen * direction, v.eye + seen * toward, inward, from_voxel);
-                        if (anew) light = 1.0 - look_rows[0].occlusion * occlusion;
+                        magnitude = magnitude_of(slopes);
                     }
                 }
-                base = look_lit(base, gradient, vec3(tangents, 1.0), source, light);
+                if (SEGMENTS == 1) {
+                    if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, vec2(before.x, here.x), magnitude, here.y);
+                    else got = look_segment(0u, before.x, here.x);
+                    occupancy = 0.5 * (before.y + here.y);
+                    before = here;
+                } else {
+                    if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, here.xx, magnitude, here.y);
+                    else got = look_point(0u, here.x);
+                }
+                asks = wanted && OBJECTS != OWN_FUNCTIONS && got.a * occupancy > 0.0;
+                if (GRADED == 1) {
+                    if (subgroupAny(asks)) {
+                        if (COUNTING == 1) work.z += 1;
+                        slopes = gradient_at(at);
+                        occupancy *= gradient_factor(0u, magnitude_of(slopes));
+                    }
+                }
+                float path = part * len;
+                float opacity = OBJECTS == OWN_FUNCTIONS
+                    ? 1.0 - exp(path * log(1.0 - got.a))
+                    : look_opacity(got.a, occupancy, path);
+                float share = wanted ? clear * opacity : 0.0;
+                vec3 base = got.rgb;
+                if (OBJECTS == TINTS) base = tinted(base, tint);
+                if (SHADED == 1) {
+                    bool anew = share > STRONG || share > FAINT && (p.parts > 1u ? (i & 1u) == 0u : mod(k, 2.0) == 0.0);
+                    if (subgroupAny(anew)) {
+                        if (GRADED == 0) {
+                            if (COUNTING == 1) work.z += 1;
+                            slopes = gradient_at(at);
+                        }
+                        vec3 found = turned(v, gradient_in_scene(slopes));
+                        if (anew) gradient = found;
+                        if (OCCLUDED == 1) {
+                            // A long part is seen at its front. Its sample may lie behind the crest of a thin shell,
+                            // where the field falls inwards: the outside of what hides all behind it is still the
+                            // viewer's side.
+                            float seen = from + (float(i) + seen_part(opacity)) * part;
+                            bool behind_crest = opacity > HIDING && dot(found, vec3(tangents, 1.0)) < 0.0;
+                            vec3 inward = behind_crest ? -slopes : slopes;
+                            float occlusion =
+                                occlusion_at(origin + seen * direction, v.eye + seen * toward, inward, from_voxel);
+                            if (anew) light = 1.0 - look_rows[0].occlusion * occlusion;
+                        }
+                    }
+                    base = look_lit(base, gradient, vec3(tangents, 1.0), source, light);
+                }
+                colour += share * base;
+                depth += share * z;
+                clear -= share;
+                open = open && clear > p.dark;
             }
-            colour += share * base;
-            depth += share * z;
-            clear -= share;
-            open = open && clear > p.dark;
+            past = start.x;
+            start = there ? end : vec2(0.0, -1.0);
             k += 1.0;
         }
     }

@@ -445,7 +445,11 @@ shared! {
         /// Width and height of the picture, pixels.
         size: [u32; 2],
         /// Length of a cell, mm.
-        step: f32,
+        cell: f32,
+        /// Number of parts into which a cell is cut where something can show.
+        parts: u32,
+        /// How far beyond the intensities at its ends a cell can reach.
+        slack: f32,
         /// Least light: rays end when less than this would pass.
         dark: f32,
         /// Mean edge of the voxels of the CT, mm, over which gradient magnitudes are.

@@ -6,9 +6,10 @@ use engine::fit::with_part_of_mask;
 use engine::gpu::Gpu;
 use engine::image::{Image, psnr};
 use engine::reference::eye::{self, Eye};
+use engine::reference::raymarch::{self, Cells};
 use engine::reference::slab::Look as ReferenceLook;
 use engine::reference::splat_bounds::footprint;
-use engine::reference::{self, Footprint, raymarch};
+use engine::reference::{self, Footprint};
 use engine::render::{
     Appearance, Classification, ClipPlane, Decoded, Look, Renderer, Scene, Settings, VolumeSource, decode,
     mode,
@@ -374,10 +375,12 @@ fn reference_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decod
     };
     let eye = Eye::from(&camera(scene).view(scene.origin));
     let spacing = decoded.scene_from_voxel.matrix3.to_cols_array_2d().map(|c| DVec3::from_array(c).length());
-    let step = step * spacing.into_iter().fold(f64::INFINITY, f64::min);
+    let edge = spacing.into_iter().fold(f64::INFINITY, f64::min);
+    let cells =
+        Cells { length: edge, parts: (1.0 / step).round() as u32, slack: (range[1] - range[0]) / 32.0 };
     Image {
         size: SIZE.map(|n| n as usize),
-        pixels: raymarch::render(&medium, &eye, SIZE, &reference_look, step),
+        pixels: raymarch::render(&medium, &eye, SIZE, &reference_look, &cells),
     }
 }
 

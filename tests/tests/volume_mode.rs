@@ -125,9 +125,10 @@ fn pictures_are_those_of_the_reference() {
                 least_light: 1e-4,
             };
             let eye = Eye::from(&camera.view(scene.origin));
+            let cells = reference::Cells { length: 1.0, parts: 2, slack: 1700.0 / 32.0 };
             Image {
                 size: SIZE.map(|n| n as usize),
-                pixels: reference::render(&medium, &eye, SIZE, &reference_look, 0.5),
+                pixels: reference::render(&medium, &eye, SIZE, &reference_look, &cells),
             }
         });
     }
@@ -344,6 +345,39 @@ fn halving_the_step_converges() {
     }
 }
 
+/// Cells that are cut only where something can show make the picture of even steps, by fewer samples.
+#[test]
+fn nothing_is_lost_where_cells_are_not_cut() {
+    let gpu = Device::boot();
+    let volume = volume();
+    for (name, shade, fewer) in [
+        ("CT-Bones-Steep", true, 0.9),
+        ("CT-Bone", true, 0.9),
+        ("CT-Bone", false, 0.9),
+        ("CT-Soft-Tissue", true, 1.3),
+    ] {
+        let scene = scene(&gpu, &volume, Some(&half(&volume)), &look(name, shade));
+        for classification in [Classification::Point, Classification::PreIntegrated] {
+            let at = |cell, counting| {
+                let settings = Settings {
+                    step: 0.25,
+                    cell,
+                    counting,
+                    classification: Some(classification),
+                    ..settings()
+                };
+                render(&gpu, &scene, &settings, &[camera(&scene)]).remove(0)
+            };
+            let samples = |cell| at(cell, true).pixels.iter().map(|work| f64::from(work[1])).sum::<f64>();
+            let (even, cut) = (at(0.25, false), at(1.0, false));
+            let (found, share) = (psnr(&cut, &even), samples(1.0) / samples(0.25));
+            println!("{name}, lit {shade}, {classification:?}: {found:.1} dB, {share:.2} of the samples");
+            assert!(visible(&even) > 300 && found > 50.0, "{name} {classification:?}: {found} dB");
+            assert!(share < fewer, "{name} {classification:?}: {share} of the samples");
+        }
+    }
+}
+
 #[test]
 fn jitter_is_noise_about_the_same_picture() {
     let gpu = Device::boot();
@@ -491,6 +525,12 @@ fn wrong_settings_and_volumes_are_refused() {
         let error =
             Renderer::new(&gpu, row, &scene, &Settings { step, ..settings() }).err().expect("an error");
         assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-RENDER-023"), "{step}");
+    }
+    for cell in [0.0, -1.0, 2.5, f64::NAN, f64::INFINITY] {
+        let row = mode("volume").expect("the mode");
+        let error =
+            Renderer::new(&gpu, row, &scene, &Settings { cell, ..settings() }).err().expect("an error");
+        assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-RENDER-030"), "{cell}");
     }
     let flat = Volume { world_from_voxel: DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0)), ..volume.clone() };
     let error = Scene::new(&gpu, None, Some(&VolumeSource { volume: &flat, roi: None }), &look)

@@ -294,7 +294,8 @@ fn rays_count_the_cells_of_their_group() {
     transfer.material.shade = true;
     let bone = Look::new(transfer);
     let step = 0.5 * 0.8;
-    let settings = Settings { step: 0.5, ..settings() };
+    // Cells of one part, which are sampled once.
+    let settings = Settings { step: 0.5, cell: 0.5, ..settings() };
     let mut scene = Scene::new(&gpu, None, Some(&source), &fog()).expect("a scene");
     let [low, high] = scene.bounds();
     let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);

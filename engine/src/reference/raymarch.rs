@@ -3,20 +3,22 @@
 //!
 //! A medium is an intensity V and an occupancy O on a voxel grid, interpolated separately. Where its voxels
 //! belong to objects, O is the interpolated product of O and the object's opacity, and tints mix by their
-//! parts of O. The extinction is opacity O (1 − exp(−τ(V))) per mm; a ray is cut into cells of one step Δ.
-//! There are no bricks and packets: every cell of every ray is visited, except in blocks of voxels that hold
-//! nothing. An eye that is far away sees as an orthographic one does.
+//! parts of O. The extinction is opacity O (1 − exp(−τ(V))) per mm; a ray is cut into cells, and those that can
+//! show something into parts. There are no bricks and packets: every cell of every ray is visited, except in blocks
+//! of voxels that hold nothing. An eye that is far away sees as an orthographic one does.
 
 use glam::{DAffine3, DVec3, DVec4};
 use rayon::prelude::*;
 use shaders_glsl::march::{CLOSED, HIDING, LARGE_BALL, OPEN, SMALL_BALL};
 
-use super::eye::{Appearance, Eye, Gathered, lit, opacity, tinted};
+use super::eye::{Appearance, Eye, Gathered, Lamp, lit, opacity, tinted};
+use super::occupancy::occupancy_mark;
 use super::slab::{Look, NEAREST};
 use crate::volume::trilinear;
 
-/// A cell that adds less than this is not lit anew, one that adds more than [`STRONG`] always is. Cells
-/// between are lit anew if their index is even; otherwise they take the light of the cell before.
+/// A part that adds less than this is not lit anew, one that adds more than [`STRONG`] always is. Parts between are
+/// lit anew if their index is even, or that of the cell where it has one part; otherwise they take the light of the
+/// part before.
 const FAINT: f64 = 1.0 / 4096.0;
 const STRONG: f64 = 1.0 / 64.0;
 /// Edge of a block, voxels.
@@ -279,35 +281,73 @@ fn seen_part(opacity: f64) -> f64 {
     if opacity < 0.01 { 0.5 } else { -1.0 / (-opacity).ln_1p() - (1.0 - opacity) / opacity }
 }
 
-/// Gathers a ray (of eye space, depth 1) in cells of `step` mm, the first of which begins `shift` steps from
-/// the eye.
-pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, shift: f64) -> Gathered {
-    let origin = medium.voxel_from_scene.transform_point3(eye.position);
-    let direction = medium.voxel_from_scene.transform_vector3(eye.direction(ray));
-    let clipped = eye.clipped(ray, look.planes);
-    let crossing = medium.crossing(origin, direction);
-    let range = [clipped[0].max(crossing[0]).max(NEAREST), clipped[1].min(crossing[1])];
-    let mut gathered = Gathered::default();
-    if range[0] >= range[1] {
-        return gathered;
+/// How rays are cut into cells.
+#[derive(Clone, Copy, Debug)]
+pub struct Cells {
+    /// Length of a cell, mm.
+    pub length: f64,
+    /// Number of parts into which a cell is cut where something can show, each of which is sampled.
+    pub parts: u32,
+    /// How far beyond the intensities at its ends something in a cell can be.
+    pub slack: f64,
+}
+
+impl Cells {
+    /// Creates cells of one part of this length, mm.
+    pub fn even(length: f64) -> Self {
+        Cells { length, parts: 1, slack: 0.0 }
     }
-    let dz = step / ray.length();
-    let lamp = eye.lamp(look.light);
-    let mut before = None;
-    let (mut gradient, mut light) = (DVec3::ZERO, 1.0);
-    let mut k = (range[0] / dz - shift).floor();
-    while (k + shift) * dz < range[1] && gathered.clear > look.least_light {
-        let from = ((k + shift) * dz).max(range[0]);
-        let to = ((k + 1.0 + shift) * dz).min(range[1]);
+
+    /// Returns true if a cell with these V and O at its ends can show something; `past` is V at the start of the cell
+    /// before.
+    fn could_show(&self, past: f64, ends: [(f64, f64); 2], look: &Look<'_>) -> bool {
+        let [(v, o), (w, p)] = ends;
+        let (rise, half_change) = (v - past, 0.5 * (w - v).abs());
+        let low = v.min(w) - self.slack.max(-rise - half_change);
+        let high = v.max(w) + self.slack.max(rise - half_change);
+        // A function of an object counts within two entries of those that it shows.
+        let margins = look.functions.iter().map(|table| (table, 2.0 * look.table.step));
+        let mut tables = std::iter::once((look.table, 0.0)).chain(margins);
+        o.max(p) > 0.0
+            && tables.any(|(table, margin)| {
+                occupancy_mark(&[[(low - margin) as f32, (high + margin) as f32]], table, 1) == [0]
+            })
+    }
+}
+
+/// A ray on its way.
+struct Ray<'a> {
+    medium: &'a Medium,
+    eye: &'a Eye,
+    look: &'a Look<'a>,
+    lamp: Lamp,
+    /// In eye space, depth 1.
+    toward: DVec3,
+    /// In voxel space.
+    origin: DVec3,
+    direction: DVec3,
+    /// As last found, in eye space, with the share of the light that occlusion leaves.
+    gradient: DVec3,
+    light: f64,
+    gathered: Gathered,
+}
+
+impl Ray<'_> {
+    fn sample(&self, z: f64) -> (f64, f64) {
+        self.medium.sample(self.origin + self.direction * z)
+    }
+
+    /// Adds what is between two depths. `before` are V and O at the first one, if the function is integrated from
+    /// there; `even` tells whether the index of the part is even.
+    fn add(&mut self, [from, to]: [f64; 2], before: &mut Option<(f64, f64)>, even: bool) {
+        let (medium, eye, look) = (self.medium, self.eye, self.look);
         let z = if look.segments { to } else { 0.5 * (from + to) };
-        let even = k.rem_euclid(2.0) == 0.0;
-        k += 1.0;
-        let at = origin + direction * z;
+        let at = self.origin + self.direction * z;
         if !look.segments && !medium.may_hold(at) {
-            continue;
+            return;
         }
         let (v, o, tint) = medium.seen(at);
-        let path = (to - from) * ray.length();
+        let path = (to - from) * self.toward.length();
         let (vb, ob) = if look.segments { before.replace((v, o)).unwrap_or((v, o)) } else { (v, o) };
         let in_scene = |slopes: DVec3| medium.voxel_from_scene.matrix3.transpose() * slopes;
         let magnitude =
@@ -324,34 +364,86 @@ pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, step: f64, s
                 (tinted(colour, tint), opacity(extinction, occupancy, path))
             }
         };
-        let share = gathered.clear * opacity;
+        let share = self.gathered.clear * opacity;
         if look.material.shade {
             if share > STRONG || share > FAINT && even {
                 let slopes = medium.gradient(at, look.dark);
-                gradient = eye.turn * in_scene(slopes);
+                self.gradient = eye.turn * in_scene(slopes);
                 if look.material.occlusion > 0.0 {
-                    // A long cell is seen at its front, and what hides all behind it from the viewer's side, also
+                    // A long part is seen at its front, and what hides all behind it from the viewer's side, also
                     // where the sample is behind the crest of a thin shell.
-                    let seen = origin + direction * (from + seen_part(opacity) * (to - from));
-                    let behind_crest = opacity > f64::from(HIDING) && gradient.dot(ray) < 0.0;
+                    let seen = self.origin + self.direction * (from + seen_part(opacity) * (to - from));
+                    let behind_crest = opacity > f64::from(HIDING) && self.gradient.dot(self.toward) < 0.0;
                     let inward = if behind_crest { -slopes } else { slopes };
-                    light = 1.0 - look.material.occlusion * medium.occlusion(seen, inward, look);
+                    self.light = 1.0 - look.material.occlusion * medium.occlusion(seen, inward, look);
                 }
             }
-            base = lit(base, gradient, ray, look.material, &lamp, light);
+            base = lit(base, self.gradient, self.toward, look.material, &self.lamp, self.light);
         }
-        gathered.add(base, opacity, z);
+        self.gathered.add(base, opacity, z);
     }
-    gathered
+}
+
+/// Gathers a ray (of eye space, depth 1) in cells, the first of which begins `shift` of a cell from the eye.
+pub fn ray(medium: &Medium, eye: &Eye, ray: DVec3, look: &Look<'_>, cells: &Cells, shift: f64) -> Gathered {
+    let mut way = Ray {
+        medium,
+        eye,
+        look,
+        lamp: eye.lamp(look.light),
+        toward: ray,
+        origin: medium.voxel_from_scene.transform_point3(eye.position),
+        direction: medium.voxel_from_scene.transform_vector3(eye.direction(ray)),
+        gradient: DVec3::ZERO,
+        light: 1.0,
+        gathered: Gathered::default(),
+    };
+    let clipped = eye.clipped(ray, look.planes);
+    let crossing = medium.crossing(way.origin, way.direction);
+    let range = [clipped[0].max(crossing[0]).max(NEAREST), clipped[1].min(crossing[1])];
+    if range[0] >= range[1] {
+        return way.gathered;
+    }
+    let dz = cells.length / ray.length();
+    let knows_ends = cells.parts > 1 || look.segments;
+    // V and O at the ends of the cell before.
+    let mut ends_before: Option<[(f64, f64); 2]> = None;
+    let mut k = (range[0] / dz - shift).floor();
+    while (k + shift) * dz < range[1] && way.gathered.clear > look.least_light {
+        let from = ((k + shift) * dz).max(range[0]);
+        let to = ((k + 1.0 + shift) * dz).min(range[1]);
+        let ends = knows_ends.then(|| {
+            let start = ends_before.map_or_else(|| way.sample(from), |[_, end]| end);
+            [start, way.sample(to)]
+        });
+        if ends.is_none_or(|ends| {
+            let [(past, _), _] = ends_before.unwrap_or(ends);
+            cells.could_show(past, ends, look)
+        }) {
+            let mut before = ends.map(|[start, _]| start);
+            let part = (to - from) / f64::from(cells.parts);
+            for i in 0..cells.parts {
+                if way.gathered.clear <= look.least_light {
+                    break;
+                }
+                let even = if cells.parts > 1 { i % 2 == 0 } else { k.rem_euclid(2.0) == 0.0 };
+                let [i, next] = [i, i + 1].map(f64::from);
+                way.add([from + i * part, from + next * part], &mut before, even);
+            }
+        }
+        ends_before = ends;
+        k += 1.0;
+    }
+    way.gathered
 }
 
 /// Renders a picture of `size` pixels: premultiplied colour and opacity of each, rows from the top.
-pub fn render(medium: &Medium, eye: &Eye, size: [u32; 2], look: &Look<'_>, step: f64) -> Vec<[f32; 4]> {
+pub fn render(medium: &Medium, eye: &Eye, size: [u32; 2], look: &Look<'_>, cells: &Cells) -> Vec<[f32; 4]> {
     (0..size[0] * size[1])
         .into_par_iter()
         .map(|i| {
             let place = [f64::from(i % size[0]) + 0.5, f64::from(i / size[0]) + 0.5];
-            ray(medium, eye, eye.ray(place, size), look, step, 0.0).pixel().map(|v| v as f32)
+            ray(medium, eye, eye.ray(place, size), look, cells, 0.0).pixel().map(|v| v as f32)
         })
         .collect()
 }
@@ -419,7 +511,7 @@ mod tests {
             for extinction in [0.01, 0.1, 0.5] {
                 let tf = flat(extinction, Material::default());
                 let table = Table::new(&tf, [0.0, 200.0]);
-                let image = render(&medium, &eye(), [5, 5], &look(&table, &tf.material), 0.05);
+                let image = render(&medium, &eye(), [5, 5], &look(&table, &tf.material), &Cells::even(0.05));
                 // ∫ ln(1 − α t) dt from 0 to 1, with α the opacity per mm.
                 let alpha: f64 = 1.0 - (-extinction).exp();
                 let edge = (extinction * (1.0 - alpha) - alpha) / alpha;
@@ -447,7 +539,7 @@ mod tests {
         };
         let tf = flat(7.0, material);
         let table = Table::new(&tf, [0.0, 200.0]);
-        let image = render(&slab(), &eye(), [5, 5], &look(&table, &material), 0.1);
+        let image = render(&slab(), &eye(), [5, 5], &look(&table, &material), &Cells::even(0.1));
         let lamp = eye().lamp(&Light::default());
         let facing = lit(DVec3::new(1.0, 0.5, 0.0), DVec3::NEG_Z, DVec3::Z, &material, &lamp, 1.0);
         assert!((f64::from(image[12][0]) - facing.x).abs() < 0.02, "{:?} {facing}", image[12]);

@@ -24,6 +24,8 @@ pub struct ModeRow {
     pub occlusion: bool,
     /// True if the opacity may depend on the gradient ([`crate::transfer::TransferFunction::gradient_opacities`]).
     pub gradient_opacity: bool,
+    /// [`Settings::step`] of a finished picture.
+    pub step: f64,
     make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
 }
 
@@ -53,6 +55,7 @@ pub static MODES: [ModeRow; 5] = [
         own_functions: false,
         occlusion: true,
         gradient_opacity: true,
+        step: 0.25,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -62,6 +65,7 @@ pub static MODES: [ModeRow; 5] = [
         own_functions: false,
         occlusion: false,
         gradient_opacity: false,
+        step: 1.0,
         make: |gpu, scene, settings| Ok(Box::new(Slab::exact(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -71,6 +75,7 @@ pub static MODES: [ModeRow; 5] = [
         own_functions: false,
         occlusion: false,
         gradient_opacity: false,
+        step: 0.5,
         make: |gpu, scene, settings| Ok(Box::new(Slab::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -80,6 +85,7 @@ pub static MODES: [ModeRow; 5] = [
         own_functions: true,
         occlusion: true,
         gradient_opacity: true,
+        step: 0.25,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -89,6 +95,7 @@ pub static MODES: [ModeRow; 5] = [
         own_functions: false,
         occlusion: false,
         gradient_opacity: false,
+        step: 1.0,
         make: |gpu, scene, settings| Ok(Box::new(Alpha::new(gpu, scene, settings)?)),
     },
 ];

@@ -22,6 +22,11 @@ use crate::passes::{Faces, Views, Work, WorkgroupShape};
 
 /// Least distance of samples, in voxels. Nearer ones would change nothing but the time.
 const LEAST_STEP: f64 = 0.01;
+/// Greatest length of a cell that is cut, in voxels: an interval of a brick covers what is up to a voxel away.
+const LONGEST_CELL: f64 = 2.0;
+/// How far V is taken to go beyond its values at the ends of a cell, as a part of the range of the volume. Of a CT it is
+/// about 100 HU: with it, pictures are those of even steps.
+const SLACK: f64 = 1.0 / 32.0;
 
 /// What kernels and drawings are created for: the constants of the shaders' march.glsl and medium.glsl.
 type Variant = Vec<u32>;
@@ -53,7 +58,7 @@ pub struct Raymarch {
 }
 
 impl Raymarch {
-    /// Creates mode volume, with samples `settings.step` of the shortest voxel edge apart.
+    /// Creates mode volume.
     pub fn new(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
         Self::of(gpu, scene, settings, None)
     }
@@ -72,7 +77,15 @@ impl Raymarch {
                 "VGS-RENDER-023",
                 format!("samples {} voxels apart; the least is {LEAST_STEP}", settings.step),
             )
-            .help("choose another --step; 0.5 is fine for pictures, 0.25 for measuring"));
+            .help("choose another --step; 0.25 is fine for pictures"));
+        }
+        if !(LEAST_STEP..=LONGEST_CELL).contains(&settings.cell) {
+            return Err(Error::new(
+                Kind::Usage,
+                "VGS-RENDER-030",
+                format!("cells of {} voxels; {LEAST_STEP} to {LONGEST_CELL} can be", settings.cell),
+            )
+            .help("choose another --cell; 1 is fast, and hardly anything is lost"));
         }
         let start = match settings.rays.where_subgroups_are(gpu.limits().fragment_subgroups) {
             Rays::Computed => Start::Computed(Variants::new()),
@@ -146,6 +159,7 @@ macro_rules! marched {
             .read("appearances", &$look.appearances)
             .read("patches", &$views.patches)
             .read("gradient_factors", &$look.gradient_factors)
+            .read("visible_before", &$look.visible)
     };
 }
 
@@ -164,13 +178,17 @@ impl Mode for Raymarch {
         let look = scene.look_buffers();
         let mut marked = volume.marked(recorder, look);
         let size @ [width, height] = quality.size(self.settings.size);
+        let step = self.settings.step * quality.coarseness;
+        let cell = self.settings.cell.max(step);
         let params = RaymarchParams {
             grid: volume.grid(),
             voxel_from_scene: volume.voxel_from_scene(),
             first: volume.scale().first as f32,
             span: volume.scale().span as f32,
             size,
-            step: (self.settings.step * quality.coarseness * volume.spacing_mm) as f32,
+            cell: (cell * volume.spacing_mm) as f32,
+            parts: (cell / step).round() as u32,
+            slack: ((volume.range[1] - volume.range[0]) * SLACK) as f32,
             dark: self.settings.dark,
             edge: volume.mean_edge_mm as f32,
         };

@@ -39,9 +39,11 @@ pub struct Settings {
     /// parts transparent.
     pub masked: bool,
     /// Distance of the slabs in units of [`GpuSplats::sigma_mm`]; for a volume or a decoded field, distance
-    /// of the samples in units of the shortest edge of its voxels. For a volume 1 favours speed, 0.5 looks,
-    /// and 0.25 serves as a reference.
+    /// of the samples where something shows, in units of the shortest edge of its voxels.
     pub step: f64,
+    /// For a volume or a decoded field, length of the cells of a ray in the same units, 0.01 to 2, or the step where
+    /// that is longer. A cell is sampled at its ends and, only where something can show, at every step.
+    pub cell: f64,
     /// Distance of the voxels that splats are decoded to in mode decoded, in voxels of the grid that they
     /// were fitted on; of splats that were fitted for the voxels alone 1 or the next power of two.
     pub pitch: f64,
@@ -77,6 +79,7 @@ impl Settings {
             depth: false,
             masked: false,
             step: 1.0,
+            cell: 1.0,
             pitch: 1.0,
             jitter: false,
             rays: Rays::default(),

@@ -450,11 +450,14 @@ pub fn raymarch() {
     .iter()
     .enumerate()
     {
-        compare(&gpu, row, 300 + i as u64);
+        // Cells of one part, and those that are cut where something can show.
+        for (cell, parts) in [(0.55, 1), (1.1, 4)] {
+            compare(&gpu, row, (cell, parts), 300 + i as u64);
+        }
     }
 }
 
-fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
+fn compare(gpu: &Device, row: &RaymarchRow, (cell, parts): (f32, u32), seed: u64) {
     let stage = stage(seed, row.masked);
     let stage = if row.source == Source::Image { stage } else { stage.emptied() };
     let mut transfer = preset(row.preset).unwrap().over(RANGE);
@@ -532,7 +535,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
     let nothing_skipped = gpu.upload("distances", "test", &vec![0u32; distances.len()]).unwrap();
 
     let inverse = stage.scene_from_voxel.inverse();
-    let (step, dark) = (0.55, 1e-3);
+    let (slack, dark) = (60.0, 1e-3);
     let params = RaymarchParams {
         grid,
         voxel_from_scene: [0, 1, 2]
@@ -540,7 +543,9 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         first: FIRST as f32,
         span: SPAN as f32,
         size: SIZE,
-        step,
+        cell,
+        parts,
+        slack,
         dark,
         edge: EDGE,
     };
@@ -573,6 +578,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
                 .read("appearances", &buffers.appearances)
                 .read("patches", &patches)
                 .read("gradient_factors", &buffers.gradient_factors)
+                .read("visible_before", &buffers.visible)
                 .write_image("colour_image", &mut target.colour)
                 .write_image("depth_image", &mut target.depth)
                 .push(&params)
@@ -596,6 +602,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         least_light: f64::from(dark),
     };
     let medium = stage.medium(row.source, &shown);
+    let cells = reference::Cells { length: f64::from(cell), parts, slack: f64::from(slack) };
     let depths: Vec<f32> = target.depth.read().unwrap();
     let (mut colours, mut depth_pairs, mut skips) = (Vec::new(), Vec::new(), Vec::new());
     let mut opaque = [0; 2];
@@ -607,14 +614,14 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
             let at = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
             let ray = eye.ray(at.map(|x| f64::from(x) + 0.5), SIZE);
             let shift = if row.jitter { reference::noise(at, v) } else { 0.0 };
-            let wanted = reference::ray(&medium, &eye, ray, &reference_look, f64::from(step), shift);
+            let wanted = reference::ray(&medium, &eye, ray, &reference_look, &cells, shift);
             opaque[v as usize] += usize::from(wanted.clear < 0.9);
             colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));
             depth_pairs.push((f64::from(depths[v as usize * got.len() + i]), wanted.depth));
         }
     }
     let label = format!(
-        "raymarch: {:?} {} masked {} segments {} shade {} occlusion {} graded {} group {}",
+        "raymarch in {parts} parts: {:?} {} masked {} segments {} shade {} occlusion {} graded {} group {}",
         row.source, row.preset, row.masked, row.segments, row.shade, row.occlusion, row.graded, row.group
     );
     assert!(opaque.iter().all(|&n| n > 40), "{label}: both eyes see something: {opaque:?}");

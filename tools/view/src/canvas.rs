@@ -49,17 +49,20 @@ pub struct Overlay {
 }
 
 /// Returns the subjects that the picture shows and how each is rendered: in the mode that `mode_of` returns for
-/// it, all with `quality`. `there` returns true if there are data of a subject.
+/// it, with the `quality` at its step. `there` returns true if there are data of a subject.
 pub fn render_setups(
     state: &ViewState,
     size: [u32; 2],
     mode_of: impl Fn(Subject) -> &'static str,
-    quality: Quality,
+    quality: impl Fn(f64) -> Quality,
     there: impl Fn(Subject) -> bool,
 ) -> Vec<(Subject, RenderSetup)> {
-    let settings = Settings { depth: true, step: state.quality.step, ..Settings::new(size) };
-    let setup =
-        |subject| RenderSetup { mode: mode_row(mode_of(subject)), settings: settings.clone(), quality };
+    let setup = |subject| {
+        let mode = mode_row(mode_of(subject));
+        let step = state.quality.step.unwrap_or(mode.step);
+        let settings = Settings { depth: true, step, ..Settings::new(size) };
+        RenderSetup { mode, settings, quality: quality(step) }
+    };
     state.subjects(there).into_iter().map(|subject| (subject, setup(subject))).collect()
 }
 
@@ -316,21 +319,30 @@ mod tests {
             setups.iter().map(|(_, setup)| setup.mode.name).collect::<Vec<_>>()
         };
         let of_splats = |name| move |subject| if subject == Subject::Volume { "volume" } else { name };
-        let full = render_setups(&state, [300, 200], of_splats("slab"), Quality::FULL, |_| true);
+        let full = render_setups(&state, [300, 200], of_splats("slab"), |_| Quality::FULL, |_| true);
         assert_eq!(names(&full), ["slab"]);
         assert_eq!((full[0].1.settings.size, full[0].1.quality), ([300, 200], Quality::FULL));
+        // What is usual in each mode, or what the user has chosen.
+        let steps = |state: &ViewState| {
+            ["slab", "decoded"].map(|name| {
+                render_setups(state, [9, 9], of_splats(name), |_| Quality::FULL, |_| true)[0].1.settings.step
+            })
+        };
+        assert_eq!(steps(&state), [0.5, 0.25]);
+        state.quality.step = Some(0.7);
+        assert_eq!(steps(&state), [0.7; 2]);
         state.split = Some(0.5);
         let coarse = Quality { resolution: 0.25, ..Quality::FULL };
         let no_others = |subject| subject != Subject::Beside;
-        let fast = render_setups(&state, [300, 200], of_splats("alpha"), coarse, no_others);
+        let fast = render_setups(&state, [300, 200], of_splats("alpha"), |_| coarse, no_others);
         assert_eq!(names(&fast), ["alpha", "volume"]);
         assert_eq!((fast[1].1.settings.size, fast[1].1.quality), ([300, 200], coarse));
         let only = |one| move |subject| subject == one;
-        let volume = render_setups(&state, [9, 9], of_splats("slab"), coarse, only(Subject::Volume));
+        let volume = render_setups(&state, [9, 9], of_splats("slab"), |_| coarse, only(Subject::Volume));
         assert_eq!(names(&volume), ["volume"]);
         // Each set of splats in the mode that it is shown in.
         let mode_of = |subject| if subject == Subject::Beside { "decoded" } else { "slab" };
-        let beside = render_setups(&state, [9, 9], mode_of, coarse, |_| true);
+        let beside = render_setups(&state, [9, 9], mode_of, |_| coarse, |_| true);
         assert_eq!(beside.iter().map(|(s, _)| *s).collect::<Vec<_>>(), Subject::SETS);
         assert_eq!(names(&beside), ["slab", "decoded"]);
     }

@@ -94,8 +94,7 @@ impl Export {
     /// Returns what renders the frames: one scene, or two with a split between them, and what is told.
     fn stage(&self) -> Result<Stage> {
         let subjects = self.state.subjects(|subject| self.data.has(subject));
-        let settings =
-            Settings { precise: true, step: self.state.quality.step, ..Settings::new(self.options.size) };
+        let settings = Settings { precise: true, ..Settings::new(self.options.size) };
         let mut sides = Vec::new();
         for subject in subjects {
             let error = (subject == Subject::Splats && self.data.shows_error(&self.state))
@@ -114,7 +113,9 @@ impl Export {
             };
             if let Some(scene) = scene {
                 let mode = mode_row(mode);
-                let renderer = Renderer::new(&self.gpu, mode, &scene, &settings)?;
+                let step = self.state.quality.step.unwrap_or(mode.step);
+                let renderer =
+                    Renderer::new(&self.gpu, mode, &scene, &Settings { step, ..settings.clone() })?;
                 sides.push(Side { scene, renderer });
             }
         }

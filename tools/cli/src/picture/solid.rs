@@ -2,7 +2,7 @@
 //! function.
 
 use engine::reference::eye::Eye;
-use engine::reference::raymarch::{Medium, render};
+use engine::reference::raymarch::{Cells, Medium, render};
 use engine::reference::slab::Look;
 use engine::transfer::{ColourPoint, Light, MAX_INTENSITY, Material, OpacityPoint, Table, TransferFunction};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
@@ -103,7 +103,7 @@ impl Solids {
             gradient_edge: None,
             least_light: 1e-3,
         };
-        let image = render(&self.media[which], &self.eye, self.size, &look, self.step);
+        let image = render(&self.media[which], &self.eye, self.size, &look, &Cells::even(self.step));
         let size = self.size.map(|n| n as usize);
         canvas.image(at, size, |x, y| {
             let [r, g, b, a] = image[y * size[0] + x];

@@ -9,7 +9,7 @@ use crate::panel_info::PanelInfo;
 use crate::state::{self, SplatMode, Subject, ViewState};
 
 /// Least and greatest step that the slider gives.
-const STEPS: [f64; 2] = [0.25, 4.0];
+const STEPS: [f64; 2] = [0.05, 4.0];
 
 /// Shows the mode and the quality and changes them.
 pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {
@@ -75,11 +75,12 @@ fn mode_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
 fn step_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     // What is seen of splats decides; a volume beside them follows.
     let of_splats = info.has(Subject::Splats) && (state.shown != Subject::Volume || state.split.is_some());
+    let mode = if of_splats { state.mode.name() } else { "volume" };
     let (unit_mm, suffix, help) = match (of_splats, state.mode) {
         (false, _) | (true, SplatMode::Decoded) => (
             1.0,
             " voxels",
-            "how far apart a ray looks at the data, in edges of a voxel: less is finer and slower",
+            "how far apart a ray looks at the data where something shows, in edges of a voxel: less is finer and slower",
         ),
         (true, SplatMode::Slab) => match info.sigma_mm {
             Some(mm) => {
@@ -91,11 +92,11 @@ fn step_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
         (true, SplatMode::Exact | SplatMode::Alpha) => return,
     };
     row(ui, "Step", help, |ui| {
-        let mut step = state.quality.step * unit_mm;
+        let mut step = state.quality.step.unwrap_or(state::mode_row(mode).step) * unit_mm;
         let [least, most] = STEPS.map(|step| step * unit_mm);
         let slider = Slider::new(&mut step, least..=most).logarithmic(true).suffix(suffix).fixed_decimals(2);
         if ui.add(slider).changed() {
-            state.quality.step = step / unit_mm;
+            state.quality.step = Some(step / unit_mm);
         }
     });
 }

@@ -202,9 +202,10 @@ pub struct CropBox {
 #[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(deny_unknown_fields, default)]
 pub struct Quality {
-    /// Distance of slabs in standard deviations of the middle splat, or of the samples of a volume in voxel
-    /// edges.
-    pub step: f64,
+    /// Distance of slabs in standard deviations of the middle splat, or of the samples of a volume or of decoded
+    /// splats in voxel edges; `None` for what is usual in the mode.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub step: Option<f64>,
     /// Greatest number of splats that are drawn; `None` for all.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub splat_budget: Option<u64>,
@@ -307,7 +308,7 @@ impl SplatMode {
 
 impl Default for Quality {
     fn default() -> Self {
-        Quality { step: 0.5, splat_budget: None, target_frame_ms: 1000.0 / 60.0, adaptive: true }
+        Quality { step: None, splat_budget: None, target_frame_ms: 1000.0 / 60.0, adaptive: true }
     }
 }
 
@@ -628,7 +629,10 @@ impl ViewState {
             (self.clip.planes.iter().all(plane), "a plane of [[clip.planes]] has no direction or offset"),
             (self.clip.crop.iter().all(crop), "[clip.box] needs low_mm below high_mm, both finite"),
             (self.objects.iter().all(object), "a row of [[objects]] has no such file, tint or opacity"),
-            ((0.05..=10.0).contains(&step), "[quality] step is not between 0.05 and 10"),
+            (
+                step.is_none_or(|step| (0.05..=10.0).contains(&step)),
+                "[quality] step is not between 0.05 and 10",
+            ),
             (splat_budget != Some(0), "[quality] splat_budget is 0"),
             (
                 self.errors.range.is_none_or(|range| range > 0.0 && range.is_finite()),

@@ -23,7 +23,7 @@ fn full() -> ViewState {
     state.orbit = Orbit { azimuth_deg: 33.3, elevation_deg: -12.25, distance_mm: 1e3 / 3.0, ..state.orbit };
     state.bookmarks = vec![Bookmark { name: "hilum".into(), orbit: Orbit { fov_deg: 12.5, ..state.orbit } }];
     state.quality =
-        Quality { step: 1.5, splat_budget: Some(100_000), target_frame_ms: 11.1, adaptive: false };
+        Quality { step: Some(1.5), splat_budget: Some(100_000), target_frame_ms: 11.1, adaptive: false };
     state.show.overlay = true;
     state.clip = Clip {
         planes: vec![Plane { on: true, normal: DVec3::new(0.6, 0.0, 0.8), offset_mm: -7.5 }],

@@ -539,9 +539,9 @@ impl Viewer {
         };
         let fast = moves || first;
         let level = self.controller.level();
-        let given_up = match (first, moves) {
+        let given_up = |step| match (first, moves) {
             (true, _) => FIRST,
-            (false, true) => quality_levels(self.kind)[level].quality.at_step(quality.step),
+            (false, true) => quality_levels(self.kind)[level].quality.at_step(step),
             (false, false) => Quality::FULL,
         };
         // The first level is the user's choice. So is every other level whose mode is not ready yet.
@@ -554,7 +554,8 @@ impl Viewer {
         let setups = render_setups(&self.app.state, pixels, mode_of, given_up, has);
         let as_wanted =
             |(subject, setup): &(Subject, RenderSetup)| setup.mode.name == self.wanted_mode(*subject);
-        let draft = given_up != Quality::FULL || !setups.iter().all(as_wanted);
+        let is_full = |(_, setup): &(Subject, RenderSetup)| setup.quality == Quality::FULL;
+        let draft = !setups.iter().all(|setup| is_full(setup) && as_wanted(setup));
         if setups.is_empty() {
             // Nothing will be refined.
             self.moved = None;
@@ -617,7 +618,7 @@ impl Viewer {
         let passes = canvas.gpu().take_profile();
         statistics.passes = passes.into_iter().map(|(name, time)| (name, time.total_ms)).collect();
         statistics.memory = canvas.gpu().memory_by_purpose();
-        statistics.step = Some(self.app.state.quality.step);
+        statistics.step = self.app.state.quality.step;
         let splats = canvas.splats_of(Subject::Splats);
         statistics.active_splats = splats.and_then(|splats| splats.active_count().ok());
     }

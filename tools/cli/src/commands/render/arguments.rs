@@ -109,10 +109,13 @@ pub struct RenderArguments {
     /// A bar of the colours of the intensities that the transfer function shows
     #[arg(long, help_heading = "Picture")]
     pub colour_bar: bool,
-    /// Steps along a ray: standard deviations of the splats, or voxels of the volume; smaller is finer
-    /// [default: 0.5]
+    /// Steps along a ray: standard deviations of the splats or, in modes volume and decoded, voxels where something
+    /// shows; smaller is finer [default: 0.25 in modes volume and decoded, 0.5 in mode slab]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = values::step)]
     pub step: Option<f64>,
+    /// Steps where nothing shows, in modes volume and decoded, voxels, 0.01 to 2
+    #[arg(long, value_name = "VOXELS", default_value_t = 1.0, help_heading = "Quality", value_parser = values::cell)]
+    pub cell: f64,
     /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on; 0.5
     /// is finer, for fits of --profile field; 2, 4, 8 and 16 of other fits are means of voxels
     #[arg(long, value_name = "VOXELS", default_value_t = 1.0, help_heading = "Quality",

@@ -26,9 +26,6 @@ use crate::shared::inputs::{is_volume, region_of, volume_of};
 use crate::shared::waiting::Waiting;
 use crate::shared::{outputs, splat_files};
 
-/// Sample distance of a still picture; fine enough that lit surfaces show no rings.
-const STEP: f64 = 0.5;
-
 /// Host bytes that a pixel takes.
 const BYTES_A_PIXEL: u64 = 40;
 
@@ -143,7 +140,8 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let camera = arguments.camera(&scene)?;
     let settings = Settings {
         depth: arguments.output.wants_depth(),
-        step: arguments.step.unwrap_or(STEP),
+        step: arguments.step.unwrap_or(row.step),
+        cell: arguments.cell,
         pitch: arguments.pitch,
         classification: arguments.classification.0,
         precise: true,

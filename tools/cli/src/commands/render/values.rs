@@ -153,6 +153,11 @@ pub fn step(text: &str) -> Result<f64, String> {
     number(text, 0.01..=100.0)
 }
 
+/// Parses a length of the cells of a ray.
+pub fn cell(text: &str) -> Result<f64, String> {
+    number(text, 0.01..=2.0)
+}
+
 /// Parses a distance of voxels.
 pub fn pitch(text: &str) -> Result<f64, String> {
     number(text, 0.25..=16.0)
