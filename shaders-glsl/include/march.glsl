@@ -50,7 +50,7 @@ struct Gathered {
 const float FAR = 1e30;
 const uint NO_FUNCTION = ~0u;
 const float MOST = 8388608.0;       // cells from the eye on; beyond, floats do not count any more
-const float FAINT = 1.0 / 4096.0;   // a cell that adds less than this finds no light of its own,
+const float FAINT = 1.0 / 4096.0;   // a part that adds less than this finds no light of its own,
 const float STRONG = 1.0 / 64.0;    // one that adds more than this always does, others do if their index is even
 // Balls of the ambient occlusion: their radii in voxels, and where along each axis the corners of a tetrahedron lie
 // whose mean is that of a ball of radius 1 for functions up to the second degree: sqrt(1/5).

@@ -76,19 +76,8 @@ pub fn all_levels() -> Vec<QualityLevel> {
 }
 
 pub fn options() -> Options {
-    Options {
-        levels: all_levels(),
-        budget_ms: Some(1e9),
-        level: None,
-        background: [0.2, 0.1, 0.0],
-        frames: None,
-        panel: false,
-        foveation: None,
-        pitch: 1.0,
-        given_up: None,
-        card: false,
-        start: None,
-    }
+    let levels = Options::of_levels(all_levels());
+    Options { budget_ms: Some(1e9), background: [0.2, 0.1, 0.0], ..levels }
 }
 
 /// Writes a picture of both eyes side by side into the folder that `VGS_SHOTS` names, if it does, to be looked at.
