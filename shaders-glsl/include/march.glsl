@@ -14,15 +14,17 @@
 #define VISIBILITY_BINDING 9
 #include "visibility.glsl"
 #include "look.glsl"
+#define MEDIUM_BINDING 4
 #include "medium.glsl"
 
-layout(constant_id = 0) const uint COUNTING = 0; // 1: work is counted, see Gathered
-layout(constant_id = 2) const uint SEGMENTS = 0; // 1: the transfer function is integrated between samples
-layout(constant_id = 3) const uint SHADED = 0;   // 1: with the gradient's light
-layout(constant_id = 4) const uint HIDDEN = 0;   // 1: what no eye sees stays transparent
-layout(constant_id = 5) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
+layout(constant_id = 3) const uint COUNTING = 0; // 1: work is counted, see Gathered
+layout(constant_id = 4) const uint SEGMENTS = 0; // 1: the transfer function is integrated between samples
+layout(constant_id = 5) const uint SHADED = 0;   // 1: with the gradient's light
+layout(constant_id = 6) const uint HIDDEN = 0;   // 1: what no eye sees stays transparent
+layout(constant_id = 7) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
 layout(constant_id = 8) const uint OCCLUDED = 0; // 1: less light where much around is opaque; with SHADED
 layout(constant_id = 9) const uint GRADED = 0;   // 1: the opacity depends on the gradient magnitude, too
+layout(constant_id = 10) const uint KEPT = 0;    // 1: gradients are kept for the voxels; always with OBJECTS
 layout(push_constant, scalar) uniform RaymarchParams {
     BrickGrid grid;
     vec4 voxel_from_scene[3];
@@ -35,11 +37,13 @@ layout(push_constant, scalar) uniform RaymarchParams {
     float dark;
     float edge;
 } p;
-layout(scalar, binding = 5) readonly buffer Distances { uint distances[]; };
+layout(scalar, binding = 8) readonly buffer Distances { uint distances[]; };
 // Factors of the opacity over the gradient magnitude, GRADIENT_ENTRIES for each transfer function.
 layout(scalar, binding = 10) readonly buffer GradientFactors { float gradient_factors[]; };
 // For each entry of the scene's function the number of entries before it at which a function shows something.
 layout(scalar, binding = 11) readonly buffer Visible { uint visible_before[]; };
+// Where they are kept: of each voxel twice the gradient of O (V - dark) in voxel space, and what opacities leave of O.
+layout(binding = 12) uniform sampler3D gradients;
 
 // What a ray brings back.
 struct Gathered {
@@ -50,8 +54,8 @@ struct Gathered {
 const float FAR = 1e30;
 const uint NO_FUNCTION = ~0u;
 const float MOST = 8388608.0;       // cells from the eye on; beyond, floats do not count any more
-const float FAINT = 1.0 / 4096.0;   // a part that adds less than this finds no light of its own,
-const float STRONG = 1.0 / 64.0;    // one that adds more than this always does, others do if their index is even
+const float FAINT = 1.0 / 4096.0;   // a part that adds less than this finds no light of its own; where gradients are not
+const float STRONG = 1.0 / 64.0;    // kept, one that adds more than this always does, others do if their index is even
 // Balls of the ambient occlusion: their radii in voxels, and where along each axis the corners of a tetrahedron lie
 // whose mean is that of a ball of radius 1 for functions up to the second degree: sqrt(1/5).
 const float SMALL_BALL = 4.0;
@@ -64,10 +68,23 @@ const float CLOSED = 0.5;
 // Opacity of a cell from which on it is seen from before alone.
 const float HIDING = 0.5;
 
-// V and O at a place, and the tint there.
-vec2 field_at(vec3 at, out vec4 tint) {
-    vec2 found = medium_at(p.grid, at, tint);
-    return vec2(p.first + p.span * found.x, found.y);
+// What is at a place.
+struct Sample {
+    float v;
+    float o;     // what opacities leave of it
+    vec3 slopes; // twice the gradient of O (V - dark) in voxel space; with OBJECTS, else slopes_at has it
+};
+
+Sample sample_at(vec3 at) {
+    vec3 place = image_place(p.grid, at);
+    vec2 found = medium_at(p.grid, at, place);
+    Sample here = Sample(p.first + p.span * found.x, found.y, vec3(0.0));
+    if (OBJECTS != 0) {
+        vec4 kept = textureLod(gradients, place, 0.0);
+        here.o = kept.w;
+        here.slopes = kept.xyz;
+    }
+    return here;
 }
 
 // The factor of the opacity that a function makes of a gradient magnitude, straight from entry to entry of its table.
@@ -79,12 +96,11 @@ float gradient_factor(uint function, float magnitude) {
 }
 
 // Colour, and opacity per mm, of what the functions of the objects around a place make of the way from one intensity
-// to another and of the gradient magnitude there: the mean of what each makes of it, weighted by its part of O. `shown` is
-// what opacities leave of O there.
+// to another and of the gradient magnitude there: the mean of what each makes of it, weighted by what opacities leave of
+// its part of O, of which the sum is `shown`.
 vec4 objects_shown(vec3 at, vec2 way, float magnitude, float shown) {
     vec3 place = atlas_place(p.grid, at);
     ivec3 low = ivec3(place);
-    vec3 part = place - vec3(low);
     vec2 label = labels_at(low);
     bool alone = label.y > 0.5;
     Appearance object = object_called(label.x);
@@ -92,15 +108,19 @@ vec4 objects_shown(vec3 at, vec2 way, float magnitude, float shown) {
     uint last = NO_FUNCTION;
     uint corners = alone ? 1u : 8u;
     for (uint corner = 0; corner < corners; ++corner) {
-        Voxel voxel = voxel_at(low, part, corner);
-        if (alone) voxel = Voxel(object, shown, shown);
-        if (voxel.object.function != last) {
-            last = voxel.object.function;
-            got = SEGMENTS == 1 ? look_segment(last, way.x, way.y) : look_point(last, way.y);
+        if (!alone) {
+            Voxel voxel = voxel_at(low, place - vec3(low), corner);
+            object = voxel.object;
+            shown = shown_of(object, voxel.o);
+        }
+        if (object.function != last) {
+            last = object.function;
+            if (SEGMENTS == 1) got = look_segment(last, way.x, way.y);
+            else got = look_point(last, way.y);
             got.a = 1.0 - exp(-got.a);
             if (GRADED == 1) got.a *= gradient_factor(last, magnitude);
         }
-        sum += voxel.shown * got.a * vec4(tinted(got.rgb, voxel.object.tint), 1.0);
+        sum += shown * got.a * vec4(tinted(got.rgb, object.tint), 1.0);
     }
     return sum.a > 0.0 ? vec4(sum.rgb / sum.a, sum.a) : vec4(0.0);
 }
@@ -108,24 +128,25 @@ vec4 objects_shown(vec3 at, vec2 way, float magnitude, float shown) {
 // Whether a cell between these V and O can show something: a function does at an intensity between them, or a little
 // beyond, since V may go farther between the ends: by the slack or, where it turns after it has changed much from `past`
 // on, the start of the cell before, by that less half of what it changes here.
-bool could_show(float past, vec2 start, vec2 end) {
-    float rise = start.x - past, half_change = 0.5 * abs(end.x - start.x);
-    vec2 ends = vec2(min(start.x, end.x) - max(p.slack, -rise - half_change),
-        max(start.x, end.x) + max(p.slack, rise - half_change));
+bool could_show(float past, Sample start, Sample end) {
+    float rise = start.v - past, half_change = 0.5 * abs(end.v - start.v);
+    vec2 ends = vec2(min(start.v, end.v) - max(p.slack, -rise - half_change),
+        max(start.v, end.v) + max(p.slack, rise - half_change));
     vec2 at = (ends - look_rows[0].first) * look_rows[0].inverse_step;
     vec2 entry = clamp(vec2(floor(at.x), ceil(at.y)), 0.0, look_rows[0].last);
-    return max(start.y, end.y) > 0.0 && visible_before[uint(entry.y) + 1] > visible_before[uint(entry.x)];
+    return max(start.o, end.o) > 0.0 && visible_before[uint(entry.y) + 1] > visible_before[uint(entry.x)];
 }
 
 // O (V - dark)
 float excess(vec3 at) {
-    vec4 tint;
-    vec2 here = field_at(at, tint);
-    return here.y * (here.x - look_rows[0].dark);
+    Sample here = sample_at(at);
+    return here.o * (here.v - look_rows[0].dark);
 }
 
-// Twice the gradient of O (V - dark) in voxel space, by central differences over a voxel on each side.
-vec3 gradient_at(vec3 at) {
+// Twice the gradient of O (V - dark) in voxel space, by central differences over a voxel on each side: those of the
+// voxels around, or where there was no memory for them, of what is interpolated.
+vec3 slopes_at(vec3 at) {
+    if (KEPT == 1) return textureLod(gradients, image_place(p.grid, at), 0.0).xyz;
     return vec3(
         excess(at + vec3(1.0, 0.0, 0.0)) - excess(at - vec3(1.0, 0.0, 0.0)),
         excess(at + vec3(0.0, 1.0, 0.0)) - excess(at - vec3(0.0, 1.0, 0.0)),
@@ -257,10 +278,9 @@ Gathered march(vec2 place, uint view, bool wanted) {
     mat3 from_voxel = mat3(0.0);
     if (OCCLUDED == 1) from_voxel = scene_from_voxel();
     bool ends_known = p.parts > 1u || SEGMENTS == 1; // cells of one part are sampled there alone
-    bool samples_all = true; // else the last part is told by the end of its cell
-    if (SEGMENTS == 1) samples_all = OBJECTS != 0;
     float share_of_part = 1.0 / float(p.parts);
-    vec2 start = vec2(0.0, -1.0); // V and O at the start of the cell; O < 0: not known
+    const Sample unknown = Sample(0.0, -1.0, vec3(0.0)); // O < 0
+    Sample start = unknown; // of the cell
     float past = 0.0; // V at the start of the cell before
     while (k <= last && subgroupAny(open)) {
         if (COUNTING == 1) work.x += 1;
@@ -288,70 +308,72 @@ Gathered march(vec2 place, uint view, bool wanted) {
         // Not `continue`: with it a CPU driver masks all that follows.
         if (leap) {
             k = until;
-            start.y = -1.0;
+            start = unknown;
         } else {
             bool cut = there && shown;
-            vec2 end = vec2(0.0, -1.0);
+            Sample end = unknown;
             if (ends_known) {
-                vec4 unused;
                 // After a leap, or where the ray enters.
-                bool begins = there && start.y < 0.0;
+                bool begins = there && start.o < 0.0;
                 if (subgroupAny(begins)) {
                     if (COUNTING == 1) work.y += 2;
-                    vec2 found = field_at(origin + from * direction, unused);
-                    vec2 earlier = field_at(origin + max((k - 1.0 + shift) * dz, range.x) * direction, unused);
+                    Sample found = sample_at(origin + from * direction);
+                    Sample earlier = sample_at(origin + max((k - 1.0 + shift) * dz, range.x) * direction);
                     if (begins) {
                         start = found;
-                        past = earlier.x;
+                        past = earlier.v;
                     }
                 }
                 if (COUNTING == 1) work.y += 1;
-                end = field_at(origin + to * direction, unused);
+                end = sample_at(origin + to * direction);
                 cut = cut && could_show(past, start, end);
             }
             uint rounds = subgroupAny(cut) ? p.parts : 0u;
             float part = (to - from) * share_of_part;
-            vec2 before = start;
+            Sample before = start;
             for (uint i = 0; i < rounds; ++i) {
                 bool wanted = open && cut;
                 float z = from + (float(i) + 0.5) * part;
                 if (SEGMENTS == 1) z = from + float(i + 1u) * part;
                 vec3 at = origin + z * direction;
-                vec4 tint = vec4(0.0);
-                vec2 here = end;
-                if (samples_all || i + 1u < p.parts) {
+                Sample here = end;
+                bool sampled = i + 1u < p.parts; // the last one is told by the end of the cell
+                if (SEGMENTS == 0) sampled = true;
+                if (sampled) {
                     if (COUNTING == 1) work.y += 1;
-                    here = field_at(at, tint);
+                    here = sample_at(at);
                 }
-                vec4 got;
-                float occupancy = here.y;
-                vec3 slopes = vec3(0.0);
-                float magnitude = 0.0;
-                // Functions of objects are asked together with the gradient, that of the scene before it.
-                bool asks = wanted && OBJECTS == OWN_FUNCTIONS && here.y > 0.0;
-                if (GRADED == 1) {
-                    if (subgroupAny(asks)) {
-                        if (COUNTING == 1) work.z += 1;
-                        slopes = gradient_at(at);
-                        magnitude = magnitude_of(slopes);
-                    }
-                }
+                // Opacity per mm, and of what is there: a function of an object has been asked for both together.
+                vec4 got = vec4(0.0);
+                float occupancy = here.o;
+                float from_v = here.v;
                 if (SEGMENTS == 1) {
-                    if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, vec2(before.x, here.x), magnitude, here.y);
-                    else got = look_segment(0u, before.x, here.x);
-                    occupancy = 0.5 * (before.y + here.y);
+                    from_v = before.v;
+                    occupancy = 0.5 * (before.o + here.o);
                     before = here;
-                } else {
-                    if (OBJECTS == OWN_FUNCTIONS) got = objects_shown(at, here.xx, magnitude, here.y);
-                    else got = look_point(0u, here.x);
                 }
-                asks = wanted && OBJECTS != OWN_FUNCTIONS && got.a * occupancy > 0.0;
+                if (OBJECTS != OWN_FUNCTIONS) {
+                    if (SEGMENTS == 1) got = look_segment(0u, from_v, here.v);
+                    else got = look_point(0u, here.v);
+                }
+                // Whether something is there, but for the gradient.
+                float there_is = got.a * occupancy;
+                if (OBJECTS == OWN_FUNCTIONS) there_is = here.o;
+                bool asks = wanted && there_is > 0.0;
+                vec3 slopes = here.slopes;
+                float magnitude = 0.0;
                 if (GRADED == 1) {
                     if (subgroupAny(asks)) {
-                        if (COUNTING == 1) work.z += 1;
-                        slopes = gradient_at(at);
-                        occupancy *= gradient_factor(0u, magnitude_of(slopes));
+                        if (OBJECTS == 0) {
+                            if (COUNTING == 1) work.z += 1;
+                            slopes = slopes_at(at);
+                        }
+                        magnitude = magnitude_of(slopes);
+                        if (OBJECTS != OWN_FUNCTIONS) occupancy *= gradient_factor(0u, magnitude);
                     }
+                }
+                if (OBJECTS == OWN_FUNCTIONS) {
+                    if (subgroupAny(asks)) got = objects_shown(at, vec2(from_v, here.v), magnitude, here.o);
                 }
                 float path = part * len;
                 float opacity = OBJECTS == OWN_FUNCTIONS
@@ -359,13 +381,20 @@ Gathered march(vec2 place, uint view, bool wanted) {
                     : look_opacity(got.a, occupancy, path);
                 float share = wanted ? clear * opacity : 0.0;
                 vec3 base = got.rgb;
-                if (OBJECTS == TINTS) base = tinted(base, tint);
+                if (OBJECTS == TINTS) {
+                    if (subgroupAny(share > 0.0)) base = tinted(base, tint_at(p.grid, at));
+                }
                 if (SHADED == 1) {
-                    bool anew = share > STRONG || share > FAINT && (p.parts > 1u ? (i & 1u) == 0u : mod(k, 2.0) == 0.0);
+                    bool anew = share > FAINT;
+                    if (KEPT == 0) {
+                        bool even = p.parts > 1u ? (i & 1u) == 0u : mod(k, 2.0) == 0.0;
+                        anew = share > STRONG || anew && even;
+                    }
                     if (subgroupAny(anew)) {
-                        if (GRADED == 0) {
+                        // They are there if the opacity needed them, or if objects do.
+                        if (GRADED + OBJECTS == 0) {
                             if (COUNTING == 1) work.z += 1;
-                            slopes = gradient_at(at);
+                            slopes = slopes_at(at);
                         }
                         vec3 found = turned(v, gradient_in_scene(slopes));
                         if (anew) gradient = found;
@@ -388,8 +417,9 @@ Gathered march(vec2 place, uint view, bool wanted) {
                 clear -= share;
                 open = open && clear > p.dark;
             }
-            past = start.x;
-            start = there ? end : vec2(0.0, -1.0);
+            past = start.v;
+            if (there) start = end;
+            else start = unknown;
             k += 1.0;
         }
     }

@@ -1,5 +1,5 @@
 // Where the V and O that a ray march samples come from, and how the objects in them are shown: a dense image
-// of a volume, or an atlas of bricks. The marcher knows only medium_at.
+// of a volume, or an atlas of bricks. MEDIUM_BINDING is the first of their four places.
 //
 // An atlas has bricks of 8^3 voxels with an apron of one behind them, 9^3 texels: brick b has the voxels
 // 8 b - 1 to 8 b + 7 along each axis, so whatever lies between two of them is interpolated within the brick. A
@@ -7,20 +7,24 @@
 // lie in an image of the same shape, or in a single texel where all have one. Beside each label the image says whether
 // all that is in the cell from this voxel to the next ones has that label: within an object, and wherever it borders on
 // nothing, a place has what eight voxels would tell it after one look.
+//
+// An image of the same shape may hold, for each voxel, the gradient of O (V - dark) and what opacities leave of O
+// (voxel_gradients.comp). Central differences of trilinear interpolation are the trilinear interpolation of central
+// differences, so one look has what six would find.
 #ifndef MEDIUM_GLSL
 #define MEDIUM_GLSL
 #extension GL_EXT_scalar_block_layout : require
 #include "bricks.glsl"
 #include "appearance.glsl"
 
-layout(constant_id = 1) const uint MASKED = 0;  // 1: the image holds an occupancy, too; else all of the volume is there
-layout(constant_id = 6) const uint ATLAS = 0;   // 1: the image is an atlas, with an occupancy
-layout(constant_id = 7) const uint OBJECTS = 0; // TINTS: objects have tints and opacities, or are hidden; OWN_FUNCTIONS:
+layout(constant_id = 0) const uint MASKED = 0;  // 1: the image holds an occupancy, too, as an atlas does; else all is there
+layout(constant_id = 1) const uint ATLAS = 0;   // 1: the image is an atlas
+layout(constant_id = 2) const uint OBJECTS = 0; // TINTS: objects have tints and opacities, or are hidden; OWN_FUNCTIONS:
                                                 // or transfer functions of their own; of an atlas only
-layout(binding = 4) uniform sampler3D medium;
-layout(scalar, binding = 6) readonly buffer Places { uint places[]; };
-layout(binding = 7) uniform sampler3D labels;
-layout(scalar, binding = 8) readonly buffer Appearances { Appearance appearances[]; };
+layout(binding = MEDIUM_BINDING) uniform sampler3D medium;
+layout(scalar, binding = MEDIUM_BINDING + 1) readonly buffer Places { uint places[]; };
+layout(binding = MEDIUM_BINDING + 2) uniform sampler3D labels;
+layout(scalar, binding = MEDIUM_BINDING + 3) readonly buffer Appearances { Appearance appearances[]; };
 
 const uint TINTS = 1;
 const uint OWN_FUNCTIONS = 2;
@@ -41,11 +45,27 @@ vec3 atlas_place(BrickGrid g, vec3 at) {
     return vec3(corner) + (from_first - vec3(brick * 8u));
 }
 
+// A place of the grid in the image, as fractions of its edges.
+vec3 image_place(BrickGrid g, vec3 at) {
+    if (ATLAS == 0) return (at + 0.5) / vec3(g.texels);
+    return (atlas_place(g, at) + 0.5) / vec3(textureSize(medium, 0));
+}
+
+// V and O at a place of the grid, which is at `place` of the image; V as a fraction. Outside a dense image V is that of
+// its face, and O is 0 from one voxel beyond.
+vec2 medium_at(BrickGrid g, vec3 at, vec3 place) {
+    vec2 found = textureLod(medium, place, 0.0).xy;
+    if (MASKED == 0) {
+        vec3 inside = clamp(min(at + 1.0, vec3(g.texels) - at), 0.0, 1.0);
+        found.y = inside.x * inside.y * inside.z;
+    }
+    return found;
+}
+
 // One of the eight voxels around a place of the atlas.
 struct Voxel {
     Appearance object;
-    float o;     // its O, weighted trilinearly
-    float shown; // what its object's opacity leaves of that
+    float o; // its O, weighted trilinearly
 };
 
 // The label of a texel of the atlas, and 1 if its cell has no other, as fractions.
@@ -69,59 +89,34 @@ Voxel voxel_at(ivec3 low, vec3 part, uint corner) {
     vec3 shares = mix(1.0 - part, part, equal(far, ivec3(1)));
     ivec3 texel = min(low + far, textureSize(medium, 0) - 1);
     float o = shares.x * shares.y * shares.z * texelFetch(medium, texel, 0).y;
-    Appearance object = object_called(labels_at(texel).x);
-    return Voxel(object, o, shown_of(object, o));
+    return Voxel(object_called(labels_at(texel).x), o);
 }
 
-// V and O at a place, V as a fraction. Outside a dense image V is that of its face, and O is 0 from one voxel
-// beyond. With objects O is what their opacities leave of it, Σ O a of the voxels around, and `tint` the mean
-// tint of what is there, weighted by O: as splats mix theirs by their weights.
-vec2 medium_at(BrickGrid g, vec3 at, out vec4 tint) {
-    tint = vec4(0.0);
-    if (ATLAS == 0) {
-        vec3 inverse_size = 1.0 / vec3(g.texels);
-        vec4 texel = textureLod(medium, (at + 0.5) * inverse_size, 0.0);
-        float occupancy = texel.y;
-        if (MASKED == 0) {
-            vec3 inside = clamp(min(at + 1.0, vec3(g.texels) - at), 0.0, 1.0);
-            occupancy = inside.x * inside.y * inside.z;
-        }
-        return vec2(texel.x, occupancy);
-    }
+// The mean tint of the objects at a place of the grid, weighted by O: as splats mix theirs by their weights.
+vec4 tint_at(BrickGrid g, vec3 at) {
     vec3 place = atlas_place(g, at);
-    vec3 inverse_size = 1.0 / vec3(textureSize(medium, 0));
-    vec2 found = textureLod(medium, (place + 0.5) * inverse_size, 0.0).xy;
-    if (OBJECTS != 0) {
-        ivec3 low = ivec3(place);
-        vec3 part = place - vec3(low);
-        vec2 label = labels_at(low);
-        bool alone = label.y > 0.5;
-        float whole = 0.0, left = 0.0;
-        // A loop, since a CPU driver goes through both sides of an `if`.
-        uint corners = alone ? 0u : 8u;
-        for (uint corner = 0; corner < corners; ++corner) {
-            Voxel voxel = voxel_at(low, part, corner);
-            whole += voxel.o;
-            left += voxel.shown;
-            tint += voxel.o * voxel.object.tint;
-        }
-        Appearance object = object_called(label.x);
-        found.y = alone ? shown_of(object, found.y) : left;
-        tint = alone ? object.tint : whole > 0.0 ? tint / whole : vec4(0.0);
+    ivec3 low = ivec3(place);
+    vec2 label = labels_at(low);
+    bool alone = label.y > 0.5;
+    float whole = 0.0;
+    vec4 tint = vec4(0.0);
+    // A loop, since a CPU driver goes through both sides of an `if`.
+    uint corners = alone ? 0u : 8u;
+    for (uint corner = 0; corner < corners; ++corner) {
+        Voxel voxel = voxel_at(low, place - vec3(low), corner);
+        whole += voxel.o;
+        tint += voxel.o * voxel.object.tint;
     }
-    return found;
+    return alone ? object_called(label.x).tint : whole > 0.0 ? tint / whole : vec4(0.0);
 }
 
-// V and O at a place as in medium_at, and the transfer function there; cheaper, since of objects only that of the
+// V and what its object leaves of O at a place of the grid, and the transfer function there; of objects that of the
 // nearest voxel counts.
 vec2 medium_near(BrickGrid g, vec3 at, out uint function) {
     function = 0u;
-    vec4 tint;
-    if (OBJECTS == 0) return medium_at(g, at, tint);
-    vec3 place = atlas_place(g, at);
-    vec3 inverse_size = 1.0 / vec3(textureSize(medium, 0));
-    vec2 found = textureLod(medium, (place + 0.5) * inverse_size, 0.0).xy;
-    Appearance object = object_called(labels_at(ivec3(place + 0.5)).x);
+    vec2 found = medium_at(g, at, image_place(g, at));
+    if (OBJECTS == 0) return found;
+    Appearance object = object_called(labels_at(ivec3(atlas_place(g, at) + 0.5)).x);
     function = object.function;
     return vec2(found.x, shown_of(object, found.y));
 }

@@ -5,11 +5,11 @@
 // are of eight (CPU drivers), else a square of eight blocks.
 #extension GL_EXT_shader_image_load_formatted : require
 #include "march.glsl"
-layout(local_size_x_id = 11) in;
-layout(constant_id = 10) const uint DEPTH = 0; // 1: depth is written
-layout(constant_id = 11) const uint GROUP = 64;
-layout(binding = 12) writeonly uniform image2DArray colour_image;
-layout(binding = 13) writeonly uniform image2DArray depth_image;
+layout(local_size_x_id = 12) in;
+layout(constant_id = 11) const uint DEPTH = 0; // 1: depth is written
+layout(constant_id = 12) const uint GROUP = 64;
+layout(binding = 13) writeonly uniform image2DArray colour_image;
+layout(binding = 14) writeonly uniform image2DArray depth_image;
 
 void main() {
     uint lane = gl_LocalInvocationIndex & 7u, block = gl_LocalInvocationIndex >> 3;

@@ -432,6 +432,15 @@ shared! {
         /// Axis along which distances are spread.
         axis: u32,
     }
+    /// Push constants of `voxel_gradients`.
+    VoxelGradientParams {
+        /// The image and its bricks.
+        grid: BrickGrid,
+        /// v₀ as a fraction.
+        dark: f32,
+        /// Factor of the gradients.
+        unit: f32,
+    }
     /// Push constants of `raymarch`.
     RaymarchParams {
         /// The image and its bricks.
@@ -452,7 +461,8 @@ shared! {
         slack: f32,
         /// Least light: rays end when less than this would pass.
         dark: f32,
-        /// Mean edge of the voxels of the CT, mm, over which gradient magnitudes are.
+        /// Mean edge of the voxels of the CT, mm, over which gradient magnitudes are; times the intensity that
+        /// 1 of a kept gradient stands for.
         edge: f32,
     }
     /// Push constants of `mark_faces`.

@@ -361,6 +361,7 @@ fn reference_picture(set: &SplatSet, scene: &Scene, look: &Look, decoded: &Decod
         _ => medium.with_functions(voxels.iter().map(function).collect()),
     };
     let range = scene.splats.as_ref().expect("splats").range;
+    let medium = medium.with_own_gradients(look.dark(range));
     let functions: Vec<Table> = look.functions.values().map(|f| Table::new(f, range)).collect();
     let reference_look = ReferenceLook {
         table: &Table::new(&look.transfer, range),
@@ -416,7 +417,7 @@ fn pictures_are_those_of_the_reference() {
     ] {
         let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
         let settings =
-            Settings { step: 0.5, dark: 1e-4, classification: Some(Classification::Point), ..settings() };
+            Settings { step: 0.5, cell: Some(1.0), dark: 1e-4, classification: Some(Classification::Point), ..settings() };
         let row = mode("decoded").expect("a mode");
         let found = render(&gpu, row, &scene, &settings, &[camera(&scene)]);
         picture::check(name, &found[0], || {

@@ -64,7 +64,7 @@ fn fog(extinction: f64) -> Look {
 }
 
 fn settings() -> Settings {
-    Settings { precise: true, step: 0.5, ..Settings::new(SIZE) }
+    Settings { precise: true, step: 0.5, cell: Some(1.0), ..Settings::new(SIZE) }
 }
 
 fn scene(gpu: &Gpu, volume: &Volume, roi: Option<&Roi>, look: &Look) -> Scene {
@@ -111,8 +111,9 @@ fn pictures_are_those_of_the_reference() {
         picture::check(name, &found[0], || {
             let scene_from_voxel = DAffine3::from_translation(-scene.origin) * volume.world_from_voxel;
             let mask = roi.map(|roi| roi.weight.as_slice());
-            let medium = reference::Medium::new(volume.size, scene_from_voxel, &volume.samples, mask);
             let [visible, _] = look.transfer.visible().expect("something to see");
+            let medium = reference::Medium::new(volume.size, scene_from_voxel, &volume.samples, mask)
+                .with_own_gradients(visible);
             let reference_look = ReferenceLook {
                 table: &Table::new(&look.transfer, [-1000.0, 700.0]),
                 functions: &[],
@@ -361,7 +362,7 @@ fn nothing_is_lost_where_cells_are_not_cut() {
             let at = |cell, counting| {
                 let settings = Settings {
                     step: 0.25,
-                    cell,
+                    cell: Some(cell),
                     counting,
                     classification: Some(classification),
                     ..settings()
@@ -529,7 +530,7 @@ fn wrong_settings_and_volumes_are_refused() {
     for cell in [0.0, -1.0, 2.5, f64::NAN, f64::INFINITY] {
         let row = mode("volume").expect("the mode");
         let error =
-            Renderer::new(&gpu, row, &scene, &Settings { cell, ..settings() }).err().expect("an error");
+            Renderer::new(&gpu, row, &scene, &Settings { cell: Some(cell), ..settings() }).err().expect("an error");
         assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-RENDER-030"), "{cell}");
     }
     let flat = Volume { world_from_voxel: DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0)), ..volume.clone() };

@@ -295,7 +295,7 @@ fn rays_count_the_cells_of_their_group() {
     let bone = Look::new(transfer);
     let step = 0.5 * 0.8;
     // Cells of one part, which are sampled once.
-    let settings = Settings { step: 0.5, cell: 0.5, ..settings() };
+    let settings = Settings { step: 0.5, cell: Some(0.5), ..settings() };
     let mut scene = Scene::new(&gpu, None, Some(&source), &fog()).expect("a scene");
     let [low, high] = scene.bounds();
     let aspect = f64::from(SIZE[0]) / f64::from(SIZE[1]);
@@ -303,17 +303,18 @@ fn rays_count_the_cells_of_their_group() {
         Camera::from_side("anterior-left", (low + high) * 0.5, (high - low).length() * 0.4, 40.0, aspect)
             .expect("a camera");
     let eye = Eye::from(&camera.view(scene.origin));
-    let counts = |scene: &Scene| {
+    let counts = |scene: &Scene, voxel_bytes: usize| {
         let mut renderer =
             Renderer::new(&gpu, mode("volume").expect("a mode"), scene, &settings).expect("a renderer");
         renderer.render(scene, &[camera]).expect("a frame");
         let work = renderer.work().expect("counts");
-        assert_eq!(work.image_bytes, 2 * size.iter().product::<usize>() as u64);
+        assert_eq!(work.image_bytes, (voxel_bytes * size.iter().product::<usize>()) as u64);
         counted(&renderer)
     };
-    let all = counts(&scene);
+    let all = counts(&scene, 2);
     scene.set_look(&bone).expect("a look");
-    let some = counts(&scene);
+    // With the gradients.
+    let some = counts(&scene, 10);
     let [width, height] = SIZE.map(|n| n as usize);
     // A subgroup has one block of 4 x 2 rays or more of the same square of 8 x 8.
     let square = if WorkgroupShape::of(&gpu) == WorkgroupShape::OneByOne { [4, 2] } else { [8, 8] };

@@ -55,6 +55,11 @@ impl Gpu {
         heaps(&self.0.instance.handle, self.0.physical, self.0.tells_budget)
     }
 
+    /// Returns the most bytes that an object may still take of the device's memory; nothing if the driver does not tell.
+    pub fn free_bytes(&self) -> Option<u64> {
+        self.0.free_bytes(true)
+    }
+
     /// Returns the peak of the device memory in use, bytes.
     pub fn peak_bytes(&self) -> u64 {
         lock(&self.0.memory).peak

@@ -38,7 +38,7 @@ impl Image {
 
 impl Gpu {
     /// Creates a volume of `size` texels, all zero, that is sampled with trilinear interpolation and clamped
-    /// at its faces.
+    /// at its faces. Kernels can write to one of halves.
     pub fn volume(&self, name: &str, purpose: &'static str, format: Format, size: [u32; 3]) -> Result<Image> {
         let most = self.0.limits.volume_edge;
         if size.iter().any(|&n| n > most) {
@@ -60,9 +60,12 @@ impl Gpu {
             )
             .help("render the splats, or choose another --device"));
         }
-        let usage = vk::ImageUsageFlags::SAMPLED
+        let mut usage = vk::ImageUsageFlags::SAMPLED
             | vk::ImageUsageFlags::TRANSFER_DST
             | vk::ImageUsageFlags::TRANSFER_SRC;
+        if format == Format::Rgba16f {
+            usage |= vk::ImageUsageFlags::STORAGE;
+        }
         let image = self.raw_image(name, purpose, format, size, 1, vk::ImageType::TYPE_3D, usage)?;
         self.begun(image)
     }

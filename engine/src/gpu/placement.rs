@@ -49,6 +49,13 @@ impl Context {
         placed
     }
 
+    /// Returns the most bytes that an object may still take, of the device's memory or else of the host's; nothing if the
+    /// driver does not tell.
+    pub(super) fn free_bytes(&self, of_device: bool) -> Option<u64> {
+        let heaps = heaps(&self.instance.handle, self.physical, self.tells_budget);
+        self.free_limit.or_else(|| most_free(&heaps, of_device))
+    }
+
     /// Checks that a large object fits into what other programs leave, where the driver tells: some drivers hand out
     /// more, and something else dies of it.
     fn room(&self, &Placement { name, ref requirements, location, .. }: &Placement<'_>) -> Result<()> {
@@ -56,9 +63,7 @@ impl Context {
         if bytes < LARGE {
             return Ok(());
         }
-        let heaps = heaps(&self.instance.handle, self.physical, self.tells_budget);
-        let free = self.free_limit.or_else(|| most_free(&heaps, location == MemoryLocation::GpuOnly));
-        match free.filter(|&free| bytes > free) {
+        match self.free_bytes(location == MemoryLocation::GpuOnly).filter(|&free| bytes > free) {
             None => Ok(()),
             Some(free) => {
                 let message =

@@ -22,6 +22,7 @@
 //! | `deconvolution` | `deconvolve_points`, `deconvolve_splats` | extinction and colour of each splat, for mode alpha |
 //! | `quads` | `project_quads` | projection of splats to quads |
 //! | `occupancy` | `occupancy_mark`, `occupancy_spread` | which bricks of a volume a look can show |
+//! | `voxel_gradients` | `voxel_gradients` | gradients at the voxels of a volume, for its light |
 //! | `faces` | `list_faces` | the faces around those bricks, and the pixels that they cover |
 //! | `render/slab` | `slab` | the modes slab and exact |
 //! | `render/raymarch` | `raymarch` | the modes volume and decoded |
@@ -58,6 +59,7 @@ mod submission_pacer;
 pub mod tiles;
 pub mod views;
 mod visit;
+pub mod voxel_gradients;
 mod work;
 mod workgroup_shape;
 

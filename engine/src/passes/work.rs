@@ -23,6 +23,6 @@ pub struct Work {
     pub lists: u64,
     /// Splats that are drawn, each in every view; mode alpha.
     pub quads: u64,
-    /// Bytes of the image of intensities and occupancies; modes volume and decoded.
+    /// Bytes of the images of intensities, occupancies and gradients; modes volume and decoded.
     pub image_bytes: u64,
 }

@@ -16,9 +16,9 @@ use super::occupancy::occupancy_mark;
 use super::slab::{Look, NEAREST};
 use crate::volume::trilinear;
 
-/// A part that adds less than this is not lit anew, one that adds more than [`STRONG`] always is. Parts between are
-/// lit anew if their index is even, or that of the cell where it has one part; otherwise they take the light of the
-/// part before.
+/// A part that adds less than this is not lit anew, but takes the light of the part before. Where gradients are kept all
+/// others are; else one that adds more than [`STRONG`] always is, and parts between are if their index is even, or that of
+/// the cell where it has one part.
 const FAINT: f64 = 1.0 / 4096.0;
 const STRONG: f64 = 1.0 / 64.0;
 /// Edge of a block, voxels.
@@ -35,6 +35,8 @@ pub struct Medium {
     objects: Option<Vec<Appearance>>,
     /// Transfer function of each voxel: 0 is that of the look, k + 1 its k-th own function of an object.
     functions: Option<Vec<usize>>,
+    /// Twice the gradient of O (V − v₀) at each voxel, in voxel space, and what opacities leave of O, if they are kept.
+    gradients: Option<Vec<(DVec3, f64)>>,
     /// True if a point whose low corner is in this block of 4³ voxels may see an occupancy; blocks start at
     /// voxel -1.
     blocks: Vec<bool>,
@@ -56,6 +58,7 @@ impl Medium {
             mask: mask.map(<[f32]>::to_vec),
             objects: None,
             functions: None,
+            gradients: None,
             blocks: Vec::new(),
         };
         medium.blocks = medium.occupied_blocks();
@@ -81,6 +84,50 @@ impl Medium {
         assert!(self.objects.is_some() && functions.len() == self.values.len(), "one for every voxel");
         self.functions = Some(functions);
         self
+    }
+
+    /// Adds what is taken for twice the gradients of O (V − v₀) at the voxels and for what opacities leave of O:
+    /// [`Medium::voxel_gradients`] and [`Medium::shown_at`], rounded.
+    ///
+    /// # Panics
+    /// If there is not one for each voxel.
+    pub fn with_gradients(mut self, gradients: Vec<(DVec3, f64)>) -> Self {
+        assert_eq!(gradients.len(), self.values.len(), "one gradient for every voxel");
+        self.gradients = Some(gradients);
+        self
+    }
+
+    /// Adds the gradients at the voxels, as they are.
+    pub fn with_own_gradients(self, dark: f64) -> Self {
+        let gradients = self.voxel_gradients(dark);
+        let kept = gradients.into_iter().enumerate().map(|(i, slopes)| (slopes, self.shown_at(i))).collect();
+        self.with_gradients(kept)
+    }
+
+    /// Returns for each voxel the difference of O (V − dark), by what opacities leave of O, between its neighbours along
+    /// x, y and z. Beyond the grid O is 0.
+    pub fn voxel_gradients(&self, dark: f64) -> Vec<DVec3> {
+        let [nx, ny, _] = self.size;
+        let excess = |voxel: [i64; 3]| {
+            if (0..3).any(|k| voxel[k] < 0 || voxel[k] >= self.size[k] as i64) {
+                return 0.0;
+            }
+            let [x, y, z] = voxel.map(|v| v as usize);
+            let i = (z * ny + y) * nx + x;
+            self.shown_at(i) * (f64::from(self.values[i]) - dark)
+        };
+        let along = |i: usize, axis: usize| {
+            let voxel = [i % nx, i / nx % ny, i / (nx * ny)].map(|v| v as i64);
+            let beside = |by: i64| std::array::from_fn(|k| voxel[k] + if k == axis { by } else { 0 });
+            excess(beside(1)) - excess(beside(-1))
+        };
+        (0..self.values.len()).map(|i| DVec3::from_array([0, 1, 2].map(|axis| along(i, axis)))).collect()
+    }
+
+    /// Returns what opacities leave of O at a voxel.
+    pub fn shown_at(&self, index: usize) -> f64 {
+        let o = self.mask.as_ref().map_or(1.0, |mask| f64::from(mask[index]));
+        o * self.objects.as_ref().map_or(1.0, |objects| objects[index].opacity)
     }
 
     fn block_counts(&self) -> [usize; 3] {
@@ -134,7 +181,10 @@ impl Medium {
             let o = share * f64::from(mask[index]);
             let object = self.objects.as_ref().map_or_else(Appearance::default, |all| all[index]);
             whole += o;
-            shown += o * object.opacity;
+            shown += match (&self.gradients, &self.objects) {
+                (Some(kept), Some(_)) => share * kept[index].1,
+                _ => o * object.opacity,
+            };
             tint += object.tint * o;
         }
         (value, shown, if whole > 0.0 { tint / whole } else { DVec4::ZERO })
@@ -189,8 +239,13 @@ impl Medium {
         if opacity > 0.0 { (colour / opacity, opacity) } else { (DVec3::ZERO, 0.0) }
     }
 
-    /// Returns the gradient of O (V - dark) in voxel space, by central differences over a voxel on each side.
+    /// Returns the gradient of O (V - dark) in voxel space, by central differences over a voxel on each side: those at the
+    /// voxels, interpolated, if they are kept, or else those of what is interpolated.
     fn gradient(&self, voxel: DVec3, dark: f64) -> DVec3 {
+        if let Some(kept) = &self.gradients {
+            let along = |axis: usize| 0.5 * trilinear(self.size, voxel, |i| kept[i].0[axis]);
+            return DVec3::from_array([0, 1, 2].map(along));
+        }
         let excess = |p: DVec3| {
             let (v, o) = self.sample(p);
             o * (v - dark)
@@ -366,7 +421,7 @@ impl Ray<'_> {
         };
         let share = self.gathered.clear * opacity;
         if look.material.shade {
-            if share > STRONG || share > FAINT && even {
+            if share > STRONG || share > FAINT && (even || medium.gradients.is_some()) {
                 let slopes = medium.gradient(at, look.dark);
                 self.gradient = eye.turn * in_scene(slopes);
                 if look.material.occlusion > 0.0 {

@@ -6,6 +6,7 @@ use rayon::prelude::*;
 use shaders_glsl::medium as glsl;
 
 use super::decoded::{Decoded, place_of};
+use crate::passes::voxel_gradients::NOWHERE;
 use crate::error::{Error, Kind, Result};
 use crate::volume::bricks::{BRICK, NO_SLOT};
 
@@ -21,6 +22,8 @@ pub(super) struct Atlas {
     pub(super) size: [u32; 3],
     /// Place of each brick of the grid among those of the atlas, ten bits an axis.
     pub(super) places: Vec<u32>,
+    /// Coordinates of the brick of the grid at each place, x fastest.
+    pub(super) bricks: Vec<[u32; 3]>,
     pub(super) texels: Vec<[u16; 2]>,
     /// The label of each texel, and 255 if all that is in its cell has that label.
     pub(super) labels: Option<Vec<[u8; 2]>>,
@@ -62,8 +65,10 @@ impl Decoded {
             [i % x, i / x % y, i / (x * y)]
         };
         let mut places = vec![0; count as usize];
+        let mut brick_at = vec![NOWHERE; bricks.iter().map(|&n| n as usize).product()];
         for (to, &i) in (1..).zip(&kept) {
             let [x, y, z] = place(to);
+            brick_at[to as usize] = brick_of(i).to_array();
             places[i as usize] = x | y << glsl::PLACE_BITS | z << (2 * glsl::PLACE_BITS);
         }
         let size = bricks.map(|n| n * APRONED as u32);
@@ -103,7 +108,7 @@ impl Decoded {
                 }
             });
         }
-        Ok(Atlas { size, places, texels, labels })
+        Ok(Atlas { size, places, bricks: brick_at, texels, labels })
     }
 }
 

@@ -23,6 +23,7 @@ use super::look::LookBuffers;
 use super::scale::{Scale, to_fraction};
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Format, Gpu, Image, Recorder};
+use crate::passes::voxel_gradients::{GradientSource, NOWHERE, VoxelGradients};
 use crate::passes::{Faces, Occupancy};
 use crate::volume::{Roi, Volume};
 
@@ -61,6 +62,10 @@ pub struct GpuVolume {
     places: Buffer<u32>,
     /// Objects that the voxels of an atlas belong to; a single texel if all belong to one, and for a volume.
     labels: Image,
+    /// Stands for gradients that are not kept.
+    no_gradients: Image,
+    /// Coordinates of the brick at each place of an atlas.
+    bricks: Vec<[u32; 3]>,
     is_atlas: bool,
     scale: Scale,
     voxel_from_scene: DAffine3,
@@ -68,18 +73,25 @@ pub struct GpuVolume {
     marked: Mutex<Marked>,
 }
 
-/// The bricks that can be seen.
+/// What depends on the look: the bricks that can be seen, and the gradients at the voxels.
 pub(super) struct Marked {
     occupancy: Occupancy,
     /// Number of the look that they were marked for.
     look: Option<u64>,
     /// Faces around them, with the number of the look that they were listed for; `None` before they are needed.
     faces: Option<(Faces, Option<u64>)>,
+    /// Gradients, with what they were made of; `None` before they are needed.
+    gradients: Option<(VoxelGradients, Option<GradientKey>)>,
+    /// True if there was no memory for them.
+    no_room: bool,
 }
+
+/// What gradients follow from: v₀, and what is left of the O of objects where that counts.
+type GradientKey = (f32, Option<Vec<f32>>);
 
 impl Marked {
     fn new(occupancy: Occupancy) -> Mutex<Self> {
-        Mutex::new(Marked { occupancy, look: None, faces: None })
+        Mutex::new(Marked { occupancy, look: None, faces: None, gradients: None, no_room: false })
     }
 
     /// Returns for each brick the distance, in bricks, to the next one that can be seen.
@@ -295,6 +307,8 @@ impl GpuVolume {
             image,
             places: gpu.upload("no places of bricks", "volume", &[0])?,
             labels: gpu.volume("no labels", "volume", Format::Rg8, [1; 3])?,
+            no_gradients: no_gradients(gpu)?,
+            bricks: vec![NOWHERE],
             is_atlas: false,
             scale: cut.scale,
             voxel_from_scene,
@@ -326,6 +340,8 @@ impl GpuVolume {
             image,
             places: gpu.upload("places of bricks", "decoded field", &atlas.places)?,
             labels: label_image,
+            no_gradients: no_gradients(gpu)?,
+            bricks: atlas.bricks,
             is_atlas: true,
             scale,
             voxel_from_scene: field.scene_from_voxel.inverse(),
@@ -345,16 +361,68 @@ impl GpuVolume {
         marked
     }
 
+    /// Makes the gradients at the voxels for a look, unless they are there: eight bytes a voxel. Returns false if they are
+    /// not kept, because more than half of the free memory would go into them; with objects they are needed.
+    pub(super) fn keep_gradients(
+        &self,
+        gpu: &Gpu,
+        recorder: &mut Recorder,
+        marked: &mut Marked,
+        look: &LookBuffers,
+        objects: bool,
+    ) -> Result<bool> {
+        if marked.no_room && !objects {
+            return Ok(false);
+        }
+        let (gradients, made_of) = match &mut marked.gradients {
+            Some(made) => made,
+            none => {
+                let texels: u64 = self.image.size().iter().map(|&n| u64::from(n)).product();
+                let bytes = texels * Format::Rgba16f.bytes() as u64;
+                if !objects && gpu.free_bytes().is_some_and(|free| 2 * bytes > free) {
+                    tracing::info!("no memory for gradients at the voxels ({bytes} bytes): light is slower");
+                    marked.no_room = true;
+                    return Ok(false);
+                }
+                none.insert((VoxelGradients::new(gpu, &self.image, &self.bricks)?, None))
+            }
+        };
+        let key = (self.dark(look), objects.then(|| look.shown.clone()));
+        if made_of.as_ref() != Some(&key) {
+            let source = GradientSource {
+                grid: self.grid,
+                medium: &self.image,
+                is_atlas: self.is_atlas,
+                places: &self.places,
+                labels: &self.labels,
+                appearances: &look.appearances,
+                objects,
+            };
+            gradients.record(gpu, recorder, &source, key.0)?;
+            *made_of = Some(key);
+        }
+        Ok(true)
+    }
+
+    /// Returns v₀ of the gradients as a fraction.
+    fn dark(&self, look: &LookBuffers) -> f32 {
+        ((look.dark - self.scale.first) / self.scale.span.max(f64::MIN_POSITIVE)) as f32
+    }
+
+    /// Returns the intensity per voxel that 1 of a kept gradient stands for.
+    pub(super) fn gradient_unit(&self, look: &LookBuffers) -> f64 {
+        self.scale.span / f64::from(VoxelGradients::unit(self.dark(look)))
+    }
+
+    /// Returns the kept gradients, or an image that stands for them.
+    pub(super) fn gradients<'a>(&'a self, marked: &'a Marked) -> &'a Image {
+        marked.gradients.as_ref().map_or(&self.no_gradients, |(gradients, _)| &gradients.image)
+    }
+
     /// Returns the image of intensities as fractions of the scale, with occupancies if there is an atlas or a
     /// region.
     pub(super) fn image(&self) -> &Image {
         &self.image
-    }
-
-    /// Returns the bytes of that image.
-    pub(super) fn image_bytes(&self) -> u64 {
-        let texels: u64 = self.image.size().iter().map(|&n| u64::from(n)).product();
-        texels * self.image.format().bytes() as u64
     }
 
     pub(super) fn places(&self) -> &Buffer<u32> {
@@ -382,6 +450,11 @@ impl GpuVolume {
         let m = self.voxel_from_scene;
         [0, 1, 2].map(|k| m.matrix3.row(k).extend(m.translation[k]).as_vec4().to_array())
     }
+}
+
+/// Creates what is bound where gradients are not kept.
+fn no_gradients(gpu: &Gpu) -> Result<Image> {
+    gpu.volume("no gradients", "gradients", Format::Rgba16f, [1; 3])
 }
 
 /// Returns the box around all voxels, from `edge` beyond the centre of the first one to as much before that

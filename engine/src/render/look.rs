@@ -194,6 +194,10 @@ pub struct LookBuffers {
     pub gradient_factors: Buffer<f32>,
     /// Appearance of each object, by its number.
     pub appearances: Buffer<types::Appearance>,
+    /// v₀ of the gradient.
+    pub dark: f64,
+    /// What the appearance of each object leaves of its O, by its number.
+    pub shown: Vec<f32>,
     /// True if surfaces are lit.
     pub shaded: bool,
     /// True if their light knows what is around them: if there is ambient occlusion.
@@ -290,6 +294,8 @@ impl LookBuffers {
             visible: gpu.upload("visible entries", "transfer function", &visible)?,
             gradient_factors: gpu.upload("gradient opacities", "transfer function", &factors)?,
             appearances: gpu.upload("appearances of objects", "transfer function", &appearances)?,
+            dark,
+            shown: appearances.iter().map(|object| object.opacity * object.visible as f32).collect(),
             shaded: material.shade,
             occluded: material.shade && material.occlusion > 0.0,
             graded: look.depends_on_gradient(),

@@ -24,6 +24,10 @@ use crate::passes::{Faces, Views, Work, WorkgroupShape};
 const LEAST_STEP: f64 = 0.01;
 /// Greatest length of a cell that is cut, in voxels: an interval of a brick covers what is up to a voxel away.
 const LONGEST_CELL: f64 = 2.0;
+/// Least length of a cell, in voxels, where none is asked for: in a shorter one there is little to be found.
+const SHORTEST_CELL: f64 = 1.0;
+/// Steps of a cell where no length is asked for.
+const USUAL_PARTS: f64 = 4.0;
 /// How far V is taken to go beyond its values at the ends of a cell, as a part of the range of the volume. Of a CT it is
 /// about 100 HU: with it, pictures are those of even steps.
 const SLACK: f64 = 1.0 / 32.0;
@@ -51,7 +55,7 @@ pub struct Raymarch {
     gpu: Gpu,
     start: Start,
     settings: Settings,
-    /// Bytes of the image that the last frame sampled.
+    /// Bytes of the images that the last frame sampled.
     image_bytes: u64,
     /// The decoded field; `None` if the scene's volume is rendered.
     decoded: Option<Arc<GpuVolume>>,
@@ -79,11 +83,11 @@ impl Raymarch {
             )
             .help("choose another --step; 0.25 is fine for pictures"));
         }
-        if !(LEAST_STEP..=LONGEST_CELL).contains(&settings.cell) {
+        if let Some(cell) = settings.cell.filter(|cell| !(LEAST_STEP..=LONGEST_CELL).contains(cell)) {
             return Err(Error::new(
                 Kind::Usage,
                 "VGS-RENDER-030",
-                format!("cells of {} voxels; {LEAST_STEP} to {LONGEST_CELL} can be", settings.cell),
+                format!("cells of {cell} voxels; {LEAST_STEP} to {LONGEST_CELL} can be"),
             )
             .help("choose another --cell; 1 is fast, and hardly anything is lost"));
         }
@@ -98,34 +102,46 @@ impl Raymarch {
         };
         let settings = settings.clone();
         let mut mode = Raymarch { gpu: gpu.clone(), start, settings, image_bytes: 0, decoded };
-        mode.pipeline(scene, &Quality::FULL)?;
+        let (_, needs) = mode.needs(scene);
+        mode.pipeline(scene, &Quality::FULL, needs)?;
         Ok(mode)
     }
 
-    /// Returns the index of the kernel or drawing for the look of the scene at a quality; creates it if necessary.
-    fn pipeline(&mut self, scene: &Scene, quality: &Quality) -> Result<usize> {
-        let (gpu, settings) = (&self.gpu, &self.settings);
+    /// Returns how objects count in the look of the scene (`OBJECTS` of the shaders), and true if its picture needs gradients
+    /// or what opacities leave of O.
+    fn needs(&self, scene: &Scene) -> (u32, bool) {
         let (volume, look) =
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
-        let (classification, shaded) = settings.variant(scene);
         // Splats of a hidden object are still in the decoded field.
         let objects = match volume.is_atlas() {
             true if look.own_functions => glsl::medium::OWN_FUNCTIONS,
             true if look.objects_differ || look.hides => glsl::medium::TINTS,
             _ => 0,
         };
-        let constants = [
-            settings.counting,
-            volume.image().format() == Format::Rg16,
-            classification == Classification::PreIntegrated,
-            shaded,
-            settings.masked,
-            settings.jitter,
-            volume.is_atlas(),
-        ]
-        .map(u32::from);
-        let occluded = look.occluded && quality.occlusion;
-        let constants = [&constants[..], &[objects, u32::from(occluded), u32::from(look.graded)]].concat();
+        (objects, objects != 0 || look.shaded || look.graded)
+    }
+
+    /// Returns the index of the kernel or drawing for the look of the scene at a quality; creates it if necessary. `kept`
+    /// says that gradients are kept.
+    fn pipeline(&mut self, scene: &Scene, quality: &Quality, kept: bool) -> Result<usize> {
+        let (objects, _) = self.needs(scene);
+        let (gpu, settings) = (&self.gpu, &self.settings);
+        let (volume, look) =
+            (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
+        let (classification, shaded) = settings.variant(scene);
+        let constants = vec![
+            u32::from(volume.image().format() == Format::Rg16),
+            u32::from(volume.is_atlas()),
+            objects,
+            u32::from(settings.counting),
+            u32::from(classification == Classification::PreIntegrated),
+            u32::from(shaded),
+            u32::from(settings.masked),
+            u32::from(settings.jitter),
+            u32::from(look.occluded && quality.occlusion),
+            u32::from(look.graded),
+            u32::from(kept),
+        ];
         match &mut self.start {
             Start::Computed(kernels) => kernels.find(constants, |constants| {
                 let own = [u32::from(settings.depth), WorkgroupShape::of(gpu) as u32];
@@ -146,21 +162,28 @@ impl Raymarch {
 
 /// Binds what a march reads, in the order of the shaders.
 macro_rules! marched {
-    ($pass:expr, $views:ident, $look:ident, $volume:ident, $distances:expr) => {
+    ($pass:expr, $views:ident, $look:ident, $volume:ident, $marked:ident) => {
         $pass
             .read("views", &$views.rows)
             .read("look_rows", &$look.rows)
             .read("look_points", &$look.points)
             .read("look_integrals", &$look.integrals)
             .sample("medium", $volume.image())
-            .read("distances", $distances)
             .read("places", $volume.places())
             .sample("labels", $volume.labels())
             .read("appearances", &$look.appearances)
+            .read("distances", $marked.distances())
             .read("patches", &$views.patches)
             .read("gradient_factors", &$look.gradient_factors)
             .read("visible_before", &$look.visible)
+            .sample("gradients", $volume.gradients(&$marked))
     };
+}
+
+/// Returns the bytes of an image's texels.
+fn bytes_of(image: &Image) -> u64 {
+    let texels: u64 = image.size().iter().map(|&n| u64::from(n)).product();
+    texels * image.format().bytes() as u64
 }
 
 impl Mode for Raymarch {
@@ -172,14 +195,19 @@ impl Mode for Raymarch {
         target: &mut Target,
         quality: &Quality,
     ) -> Result<()> {
-        let pipeline = self.pipeline(scene, quality)?;
-        let volume = self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume());
-        self.image_bytes = volume.image_bytes();
+        let decoded = self.decoded.clone();
+        let volume = decoded.as_deref().unwrap_or_else(|| scene.expect_volume());
         let look = scene.look_buffers();
         let mut marked = volume.marked(recorder, look);
+        let (objects, needs) = self.needs(scene);
+        let kept = needs && volume.keep_gradients(&self.gpu, recorder, &mut marked, look, objects != 0)?;
+        let pipeline = self.pipeline(scene, quality, kept)?;
+        let gradients = if kept { bytes_of(volume.gradients(&marked)) } else { 0 };
+        self.image_bytes = bytes_of(volume.image()) + gradients;
         let size @ [width, height] = quality.size(self.settings.size);
         let step = self.settings.step * quality.coarseness;
-        let cell = self.settings.cell.max(step);
+        let usual = (USUAL_PARTS * step).clamp(SHORTEST_CELL, LONGEST_CELL);
+        let cell = self.settings.cell.unwrap_or(usual).max(step);
         let params = RaymarchParams {
             grid: volume.grid(),
             voxel_from_scene: volume.voxel_from_scene(),
@@ -190,7 +218,7 @@ impl Mode for Raymarch {
             parts: (cell / step).round() as u32,
             slack: ((volume.range[1] - volume.range[0]) * SLACK) as f32,
             dark: self.settings.dark,
-            edge: volume.mean_edge_mm as f32,
+            edge: (volume.mean_edge_mm * if kept { volume.gradient_unit(look) } else { 1.0 }) as f32,
         };
         match &mut self.start {
             Start::Computed(kernels) => {
@@ -199,7 +227,7 @@ impl Mode for Raymarch {
                     WorkgroupShape::OneByOne => [4, 2],
                     WorkgroupShape::SideBySide => [8, 8],
                 };
-                marched!(recorder.pass(&kernels[pipeline]), views, look, volume, marked.distances())
+                marched!(recorder.pass(&kernels[pipeline]), views, look, volume, marked)
                     .write_image("colour_image", &mut target.colour)
                     .write_image("depth_image", &mut target.depth)
                     .push(&params)
@@ -216,7 +244,7 @@ impl Mode for Raymarch {
                     pictures.push(&mut target.depth);
                 }
                 pictures.push(marks);
-                marched!(recorder.draw(&drawings[pipeline]), views, look, volume, marked.distances())
+                marched!(recorder.draw(&drawings[pipeline]), views, look, volume, marked)
                     .push(&params)
                     .within(size)
                     .vertices_over(&mut pictures, 0..3);

@@ -51,7 +51,7 @@ oracle! {
     deconvolution: deconvolve_points deconvolve_splats;
     hidden: hidden_parts;
     slab: mark_active limit_active list_active project_splats emit_tile_pairs slab;
-    raymarch: occupancy_mark occupancy_spread list_faces raymarch;
+    raymarch: occupancy_mark occupancy_spread list_faces voxel_gradients raymarch;
 }
 
 /// Records one pass, runs it and waits.

@@ -304,13 +304,11 @@ fn draw() -> Stage {
 fn march() -> Stage {
     // The field comes from an atlas; places and light are counted apart, since not every round has them.
     let of = |constants: &[(&str, u32)]| {
-        let constants = [&[("ATLAS", 1)], constants].concat();
-        Operations::of(&RAYMARCH, &constants, &["field_at", "gradient_at", "look_lit"])
+        let constants = [&[("ATLAS", 1), ("MASKED", 1), ("KEPT", 1)], constants].concat();
+        Operations::of(&RAYMARCH, &constants, &["sample_at", "slopes_at", "look_lit"])
     };
     let [plain, lit, integrated] = [&[][..], &[("SHADED", 1)], &[("SEGMENTS", 1)]].map(of);
     let round = plain.at("main/k");
-    // O (V - dark) at six places.
-    let gradient = lit.at("gradient_at") + 6.0 * lit.at("field_at");
     Stage {
         name: "march",
         modes: &["decoded"],
@@ -326,14 +324,14 @@ fn march() -> Stage {
                 integrated.at("main/k") - round,
                 0.0,
             ),
-            sampled("sample", |w, wide| w.by(wide).samples, plain.at("field_at"), 1.0),
+            sampled("sample", |w, wide| w.by(wide).samples, plain.at("sample_at"), 1.0),
             term(
                 "sample, lit",
                 |w, wide| only(w.lit, w.by(wide).samples),
                 lit.at("main/k") - round + lit.at("look_lit"),
                 0.0,
             ),
-            sampled("gradient", |w, wide| w.by(wide).gradients, gradient, 6.0),
+            sampled("gradient", |w, wide| w.by(wide).gradients, lit.at("slopes_at"), 1.0),
             // Rays of one picture share what they read; two eyes may not.
             term("byte of the atlas", |w, _| w.image_bytes * w.views, 0.0, 1.0),
             term("byte of a pixel", |w, _| w.pixels * w.pixel_bytes, 0.0, 1.0),
@@ -428,7 +426,7 @@ mod tests {
             ("draw", "quad", 150.0..400.0, 96.0),
             ("draw", "fragment", 15.0..30.0, 0.0),
             ("march", "sample", 40.0..120.0, 0.0),
-            ("march", "gradient", 300.0..800.0, 0.0),
+            ("march", "gradient", 20.0..120.0, 0.0),
         ] {
             let found = term(stage, name);
             assert!(ops.contains(&found.0) && found.1 == bytes, "{stage}, {name}: {found:?}");

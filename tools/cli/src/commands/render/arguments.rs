@@ -113,9 +113,9 @@ pub struct RenderArguments {
     /// shows; smaller is finer [default: 0.25 in modes volume and decoded, 0.5 in mode slab]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = values::step)]
     pub step: Option<f64>,
-    /// Steps where nothing shows, in modes volume and decoded, voxels, 0.01 to 2
-    #[arg(long, value_name = "VOXELS", default_value_t = 1.0, help_heading = "Quality", value_parser = values::cell)]
-    pub cell: f64,
+    /// Steps where nothing shows, in modes volume and decoded, voxels, 0.01 to 2 [default: four of --step, but at least 1]
+    #[arg(long, value_name = "VOXELS", help_heading = "Quality", value_parser = values::cell)]
+    pub cell: Option<f64>,
     /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on; 0.5
     /// is finer, for fits of --profile field; 2, 4, 8 and 16 of other fits are means of voxels
     #[arg(long, value_name = "VOXELS", default_value_t = 1.0, help_heading = "Quality",
