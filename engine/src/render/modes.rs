@@ -55,7 +55,7 @@ pub static MODES: [ModeRow; 5] = [
         own_functions: false,
         occlusion: true,
         gradient_opacity: true,
-        step: 0.25,
+        step: 0.2,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -85,7 +85,7 @@ pub static MODES: [ModeRow; 5] = [
         own_functions: true,
         occlusion: true,
         gradient_opacity: true,
-        step: 0.25,
+        step: 0.2,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
     },
     ModeRow {

@@ -81,7 +81,7 @@ impl Raymarch {
                 "VGS-RENDER-023",
                 format!("samples {} voxels apart; the least is {LEAST_STEP}", settings.step),
             )
-            .help("choose another --step; 0.25 is fine for pictures"));
+            .help("choose another --step; 0.2 is fine for pictures"));
         }
         if let Some(cell) = settings.cell.filter(|cell| !(LEAST_STEP..=LONGEST_CELL).contains(cell)) {
             return Err(Error::new(

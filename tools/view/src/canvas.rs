@@ -328,7 +328,7 @@ mod tests {
                 render_setups(state, [9, 9], of_splats(name), |_| Quality::FULL, |_| true)[0].1.settings.step
             })
         };
-        assert_eq!(steps(&state), [0.5, 0.25]);
+        assert_eq!(steps(&state), [0.5, 0.2]);
         state.quality.step = Some(0.7);
         assert_eq!(steps(&state), [0.7; 2]);
         state.split = Some(0.5);

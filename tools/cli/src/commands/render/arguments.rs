@@ -110,7 +110,7 @@ pub struct RenderArguments {
     #[arg(long, help_heading = "Picture")]
     pub colour_bar: bool,
     /// Steps along a ray: standard deviations of the splats or, in modes volume and decoded, voxels where something
-    /// shows; smaller is finer [default: 0.25 in modes volume and decoded, 0.5 in mode slab]
+    /// shows; smaller is finer [default: 0.2 in modes volume and decoded, 0.5 in mode slab]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = values::step)]
     pub step: Option<f64>,
     /// Steps where nothing shows, in modes volume and decoded, voxels, 0.01 to 2 [default: four of --step, but at least 1]

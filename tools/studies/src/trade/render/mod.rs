@@ -28,14 +28,14 @@ use bench::store::Store;
 /// Cases of the configuration of `bench render`, with their splats per voxel.
 const CASES: [(&str, f64); 3] = [("torso bones", 0.1), ("skull", 0.05), ("heart", 0.1)];
 /// Transfer functions of that configuration: hard, soft, and a surface.
-const TRANSFERS: [&str; 3] = ["steep bone", "soft", "skin"];
+const TRANSFERS: [&str; 3] = ["steep shaded", "soft shaded", "skin shaded"];
 /// Iterations of the fits of a quick run.
 const QUICK_ITERATIONS: u32 = 60;
 
 #[derive(Args)]
 #[command(after_help = "\
-Pictures of splats, of a fit with offsets and of one for the CT's grid, against the CT with its mask, ray-marched in steps of a quarter \
-voxel: 3 cases, 3 transfer functions, 8 views. \
+Pictures of splats, of a fit with offsets and of one for the CT's grid, against the CT with its mask, ray-marched in steps of a twentieth \
+of a voxel, lit: 3 cases, 3 transfer functions, 8 views. \
 Each case in each transfer function is a file in OUT/runs, named by a hash of all settings and the device: what is there is \
 not measured again. Fitted splats are kept in OUT/splats. OUT/render.md, render.csv, render.json and render.svg are written anew \
 after each.

@@ -3,9 +3,8 @@
 use engine::render::{Quality, QualityLevel, SplatKind, quality_levels};
 use serde::{Deserialize, Serialize};
 
-/// Step of the best quality level for fits for the grid, voxels: that with which
-/// `vgs render` and the viewer begin.
-const FINEST_OF_GRID: f64 = 0.5;
+/// Step of the best quality levels of mode decoded, voxels: that of finished pictures.
+const FINEST_DECODED: f64 = 0.25;
 
 /// One way to render splats.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -40,14 +39,14 @@ impl Choice {
     pub fn best(kind: SplatKind) -> Self {
         match kind {
             SplatKind::Field => Self::usual("slab"),
-            SplatKind::Grid => Choice { step: FINEST_OF_GRID, ..Self::of_grid() },
+            SplatKind::Grid => Choice { step: FINEST_DECODED, ..Self::of_grid() },
             SplatKind::Coloured => Self::usual("alpha"),
         }
     }
 
     /// Returns the least step of a quality level.
     fn finest(&self) -> f64 {
-        if self.of_grid { FINEST_OF_GRID } else { 1.0 }
+        if self.mode == "decoded" { FINEST_DECODED } else { 1.0 }
     }
 
     /// Returns the choice that corresponds to a quality level for splats of this kind.
@@ -120,16 +119,17 @@ pub fn choices() -> Vec<Choice> {
     }
     for usual in [Choice::usual("decoded"), Choice::of_grid()] {
         for (step, resolution) in [
+            (0.25, 1.0),
+            (0.375, 1.0),
+            (0.375, 0.7),
             (0.5, 1.0),
             (0.5, 0.7),
+            (0.5, 0.5),
+            (0.5, 0.35),
             (1.0, 0.7),
             (1.0, 0.5),
             (1.0, 0.35),
-            (2.0, 1.0),
-            (2.0, 0.7),
-            (2.0, 0.5),
             (2.0, 0.35),
-            (4.0, 0.35),
         ] {
             all.push(Choice { step, resolution, ..usual.clone() });
         }

@@ -16,12 +16,12 @@ use bench::render::record::Sight;
 use bench::render::scenes::{Place, TimedRenderer, check_validation, shows_something};
 use bench::store::{Keep, hash};
 
-/// Returns the rendering of the CT itself, in steps of a quarter voxel: the reference of all others.
+/// Returns the rendering of the CT itself, in steps of a twentieth of a voxel: the reference of all others.
 fn reference() -> Rendering {
     Rendering {
         name: "reference".into(),
         mode: "volume".into(),
-        step: 0.25,
+        step: 0.05,
         classification: Some(Classify::Point),
         computed: false,
     }

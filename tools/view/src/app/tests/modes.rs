@@ -32,9 +32,9 @@ fn a_step_has_the_unit_of_what_is_rendered() {
     let mut bench = Bench::new();
     for (kind, mode, shown, text) in [
         (Some(SplatKind::Field), SplatMode::Slab, Subject::Splats, Some("0.75 mm")),
-        (Some(SplatKind::Field), SplatMode::Slab, Subject::Volume, Some("0.25 voxels")),
-        (Some(SplatKind::Grid), SplatMode::Decoded, Subject::Splats, Some("0.25 voxels")),
-        (None, SplatMode::Slab, Subject::Volume, Some("0.25 voxels")),
+        (Some(SplatKind::Field), SplatMode::Slab, Subject::Volume, Some("0.2 voxels")),
+        (Some(SplatKind::Grid), SplatMode::Decoded, Subject::Splats, Some("0.2 voxels")),
+        (None, SplatMode::Slab, Subject::Volume, Some("0.2 voxels")),
         (Some(SplatKind::Field), SplatMode::Exact, Subject::Splats, None),
         (Some(SplatKind::Coloured), SplatMode::Alpha, Subject::Splats, None),
     ] {
@@ -42,7 +42,7 @@ fn a_step_has_the_unit_of_what_is_rendered() {
         bench.rest();
         // The number and its unit are texts of their own.
         let is_there = |text: &&str| text.split(' ').all(|word| !bench.rects_of(word).is_empty());
-        let found = ["0.75 mm", "0.25 voxels"].into_iter().find(is_there);
+        let found = ["0.75 mm", "0.2 voxels"].into_iter().find(is_there);
         assert_eq!((found, bench.place_of("Step").is_some()), (text, text.is_some()), "{mode:?} {shown:?}");
         assert_eq!(bench.app.state.quality.step, None, "looking changes nothing");
         let budget = kind.is_some() && mode != SplatMode::Decoded;
