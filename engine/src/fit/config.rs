@@ -8,7 +8,7 @@ use super::unit::ScaleUnit;
 use crate::error::{Error, Kind, Result};
 pub use crate::passes::Storage;
 use crate::splat::{self, Kernel};
-use crate::volume::{Roi, Volume};
+use crate::volume::{BetweenSlices, Roi, Volume};
 
 /// A field of [`FitConfig`] as programs show it.
 #[derive(Clone, Copy, Debug)]
@@ -100,6 +100,9 @@ config! {
         /// Fits to volume and mask averaged over blocks of this many voxels along each axis; 1: to the voxels
         /// themselves.
         working_grid: u32 = 1,
+        /// What lies between slices that are much thicker than their pixels: "smooth", other slices, intensities by
+        /// a cubic and masks by their shape, on whose finer grid the splats are fitted; or "linear", nothing.
+        between_slices: BetweenSlices = BetweenSlices::Smooth,
         /// Splat kernel: "compact" (1-q/6)^3, "gaussian" exp(-q/2) for ordinary viewers, or "density", the
         /// Gaussian of unit integral.
         kernel: Kernel = Kernel::Compact,
@@ -434,6 +437,12 @@ impl FitConfig {
     /// volume's own needs [`FitForm::Field`], since its voxels are not those that are shown.
     pub fn effective_form(&self) -> FitForm {
         if self.working_grid > 1 { FitForm::Field } else { self.form }
+    }
+
+    /// Returns what lies between thick slices: `between_slices`, except that a working grid coarser than the volume's
+    /// own has no more slices.
+    pub fn effective_between_slices(&self) -> BetweenSlices {
+        if self.working_grid > 1 { BetweenSlices::Linear } else { self.between_slices }
     }
 
     /// Returns the number of target grids that the fit visits in turn: `offsets`, or one for the form "grid".

@@ -12,9 +12,9 @@ use super::targets;
 use crate::error::Result;
 use crate::gpu::Gpu;
 pub use crate::passes::{FieldSample, Sampler};
-use crate::splat::{Field, Splat};
+use crate::splat::{Field, Grid, Splat, SplatSet};
 use crate::volume::bricks::SAMPLES;
-use crate::volume::{Bricks, Roi, Volume};
+use crate::volume::{BetweenSlices, Bricks, FinerSlices, Roi, Volume};
 
 /// Error figures at one offset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -191,6 +191,47 @@ pub fn evaluate_field(
         range: *range,
         unit: volume.unit().text(),
     }
+}
+
+/// Returns what lies between the slices of `volume` on the grid that `set` was fitted on.
+pub fn between_slices_of(set: &SplatSet, volume: &Volume) -> BetweenSlices {
+    let finer = BetweenSlices::Smooth.finer(volume);
+    let same = |(grid, finer): (Grid, FinerSlices)| {
+        let last = DVec3::from_array(finer.size().map(|n| n as f64 - 1.0));
+        let apart = |at| {
+            (grid.world_from_voxel.transform_point3(at) - finer.world_from_voxel().transform_point3(at))
+                .length()
+        };
+        let shortest = volume.spacing_mm().min_element();
+        Grid::of_voxels(finer.size(), grid.world_from_voxel) == grid
+            && [DVec3::ZERO, last].into_iter().all(|at| apart(at) <= SAME_GRID * shortest)
+    };
+    if set.grid.zip(finer).is_some_and(same) { BetweenSlices::Smooth } else { BetweenSlices::Linear }
+}
+
+/// Greatest distance of voxels of grids that are the same, in the shortest edge of a voxel.
+const SAME_GRID: f64 = 1e-3;
+
+/// Takes the figures at the voxels of `volume`, and those between them on the grid with more slices that `between`
+/// gives it, if it does: there the offsets of `protocol` count in its voxels. `measure` takes them of a volume and a
+/// region on one grid.
+///
+/// # Errors
+/// Those of `measure`, and [`Kind::HostMemory`](crate::Kind::HostMemory) if there is no memory for more slices.
+pub fn with_slices(
+    volume: &Volume,
+    roi: &Roi,
+    between: BetweenSlices,
+    protocol: &Protocol,
+    mut measure: impl FnMut(&Volume, &Roi, &Protocol) -> Result<Evaluation>,
+) -> Result<Evaluation> {
+    let finer = between.finer(volume).filter(|_| !protocol.offsets.is_empty());
+    let Some(finer) = finer else { return measure(volume, roi, protocol) };
+    finer.require_memory()?;
+    let at_voxels = measure(volume, roi, &Protocol { offsets: Vec::new(), ..protocol.clone() })?;
+    let fine = finer.volume(volume);
+    let between = measure(&fine, &finer.roi(roi, &fine), protocol)?.between;
+    Ok(Evaluation { between, ..at_voxels })
 }
 
 /// Leaves out the figures of offsets that have no sample inside the region, with a warning: an error over no

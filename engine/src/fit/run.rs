@@ -110,10 +110,25 @@ pub struct Problem<'a> {
 
 impl<'a> Problem<'a> {
     /// Checks the configuration and puts volume and region on its working grid: block means of `working_grid`
-    /// voxels along each axis, or the voxels themselves.
+    /// voxels along each axis, [more slices](crate::volume::FinerSlices) where those of the volume are thick, or the
+    /// voxels themselves.
+    ///
+    /// # Errors
+    /// Those of [`FitConfig::check`], and [`Kind::HostMemory`] if there is no memory for more slices.
     pub fn new(volume: &'a Volume, roi: &'a Roi, config: &FitConfig) -> Result<Self> {
         config.check()?;
         let native_voxels = roi.weight_sum();
+        if let Some(finer) = config.effective_between_slices().finer(volume) {
+            finer.require_memory()?;
+            let fine = finer.volume(volume);
+            return Ok(Problem {
+                roi: Cow::Owned(finer.roi(roi, &fine)),
+                volume: Cow::Owned(fine),
+                config: config.clone(),
+                native_voxels,
+                volume_crc32: OnceLock::from(volume.crc32()),
+            });
+        }
         if config.working_grid <= 1 {
             let (volume, roi) = (Cow::Borrowed(volume), Cow::Borrowed(roi));
             let volume_crc32 = OnceLock::new();
@@ -143,7 +158,7 @@ impl<'a> Problem<'a> {
         let roi = self.roi.cropped(first, size);
         Problem {
             volume: Cow::Owned(self.volume.cropped(first, size)),
-            native_voxels: roi.weight_sum(),
+            native_voxels: roi.weight_sum() * self.native_voxels / self.roi.weight_sum(),
             roi: Cow::Owned(roi),
             config: self.config.clone(),
             volume_crc32: OnceLock::new(),
@@ -156,7 +171,7 @@ impl<'a> Problem<'a> {
     }
 
     /// Returns the sum of the mask on the volume's own grid, voxels.
-    pub(super) fn native_voxels(&self) -> f64 {
+    pub fn native_voxels(&self) -> f64 {
         self.native_voxels
     }
 
@@ -180,8 +195,8 @@ impl<'a> Problem<'a> {
         &self.config
     }
 
-    /// Returns true if the fit works on a grid of its own, coarser than the volume's.
-    pub fn is_coarser(&self) -> bool {
+    /// Returns true if the fit works on a grid of its own, coarser than the volume's or with more slices.
+    pub fn has_own_grid(&self) -> bool {
         matches!(self.volume, Cow::Owned(_))
     }
 

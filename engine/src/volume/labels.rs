@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::label_choice::resolve;
 use super::mask_values::label_of;
 use super::roi::{Grids, relate};
-use super::{LabelChoice, Volume};
+use super::{BetweenSlices, FinerSlices, LabelChoice, Volume};
 use crate::{Error, Kind, Result};
 
 /// Labels of the voxels of a mask, on the mask's own grid.
@@ -51,21 +51,47 @@ impl Labels {
             Grids::Same | Grids::Assumed => volume.world_from_voxel,
             Grids::Differ => mask.world_from_voxel,
         };
-        let voxel_from_world = world_from_voxel.inverse();
-        let inverse = voxel_from_world.matrix3.to_cols_array();
         let value = |&v: &f32| byte_of.get(&label_of(v)).copied().unwrap_or(0);
         Ok(Some(Labels {
-            size: mask.size,
-            voxel_from_world,
-            // The Frobenius norm of the inverse is never below its greatest stretch.
-            least_spacing_mm: inverse.iter().map(|v| v * v).sum::<f64>().sqrt().recip(),
-            world_from_voxel,
             values: mask.samples.par_iter().map(value).collect(),
             names: byte_of
                 .iter()
                 .filter_map(|(label, &byte)| Some((byte, mask.labels.get(label)?.clone())))
                 .collect(),
+            ..Labels::on_grid(mask.size, world_from_voxel)
         }))
+    }
+
+    /// Returns the labels with what lies between the slices of their mask, if these are thick: each label by its own
+    /// shape.
+    ///
+    /// # Errors
+    /// [`Kind::HostMemory`] if there is no memory for that.
+    pub fn with_slices(self, between: BetweenSlices) -> Result<Labels> {
+        let finer = match between {
+            BetweenSlices::Smooth => FinerSlices::of(self.size, &self.world_from_voxel),
+            BetweenSlices::Linear => None,
+        };
+        let Some(finer) = finer else { return Ok(self) };
+        finer.require_memory()?;
+        let world_from_voxel = finer.world_from_voxel();
+        let (values, size) = (finer.labels(&self.values), finer.size());
+        Ok(Labels { values, names: self.names, ..Labels::on_grid(size, world_from_voxel) })
+    }
+
+    /// Returns the labels of a grid before it has voxels.
+    fn on_grid(size: [usize; 3], world_from_voxel: DAffine3) -> Labels {
+        let voxel_from_world = world_from_voxel.inverse();
+        let inverse = voxel_from_world.matrix3.to_cols_array();
+        Labels {
+            size,
+            voxel_from_world,
+            // The Frobenius norm of the inverse is never below its greatest stretch.
+            least_spacing_mm: inverse.iter().map(|v| v * v).sum::<f64>().sqrt().recip(),
+            world_from_voxel,
+            values: Vec::new(),
+            names: BTreeMap::new(),
+        }
     }
 
     /// Returns the label of the voxel that contains `world`, mm RAS. If that has none, returns the label of

@@ -19,7 +19,7 @@
 //! | `present` | [`PresentLabel`]: the labels that a mask has, and what each covers |
 //! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold; pieces, closing and holes of masks |
 //! | `bricks`, `distance` | [`Bricks`]: the blocks of 8³ voxels that a region touches; distances to a mask |
-//! | `resample`, `crop` | coarser grids, and parts of a volume |
+//! | `resample`, `crop`, `slices` | coarser grids, parts of a volume, and slices between thick ones |
 //! | `compare`, `phantom` | differences of two volumes, a synthetic CT |
 
 mod affine;
@@ -49,6 +49,7 @@ mod present;
 mod read_options;
 pub mod resample;
 mod roi;
+mod slices;
 mod source;
 mod text_header;
 mod volume;
@@ -64,6 +65,7 @@ pub use labels::Labels;
 pub use present::PresentLabel;
 pub use read_options::{Grid, ReadOptions};
 pub use roi::Roi;
+pub use slices::{BetweenSlices, FinerSlices};
 pub use source::SNIFF_BYTES;
 pub use volume::{Stats, Volume};
 

@@ -232,8 +232,12 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
         Error::new(Kind::NothingToDo, "VGS-VIEW-040", "the volume has no region to fit")
             .help("open a mask, or find the voxels of a threshold")
     })?;
+    let labels = labels
+        .clone()
+        .map(|labels| labels.with_slices(order.config.effective_between_slices()))
+        .transpose()?;
     let labelled = |mut set: SplatSet| {
-        if let Some(labels) = labels {
+        if let Some(labels) = &labels {
             label(&mut set, labels);
         }
         set

@@ -11,7 +11,7 @@ use engine::fit::place::place;
 use engine::gpu::Gpu;
 use engine::render::VolumeSource;
 use engine::splat::{self, SplatSet};
-use engine::volume::{LabelChoice, Labels, ReadOptions, Roi, Volume, dicom};
+use engine::volume::{BetweenSlices, LabelChoice, Labels, ReadOptions, Roi, Volume, dicom};
 use engine::{Error, Result};
 
 use crate::deletions::Deletion;
@@ -41,6 +41,12 @@ impl LoadedVolume {
     /// Returns the volume as a scene takes it.
     pub fn source(&self) -> VolumeSource<'_> {
         VolumeSource { volume: &self.volume, roi: self.roi.as_ref() }
+    }
+
+    /// Tells `show` the volume as the window shows it, with what lies between its slices if they are thick.
+    pub fn with_slices<T>(&self, show: impl FnOnce(&VolumeSource<'_>) -> T) -> T {
+        let (volume, roi) = BetweenSlices::default().shown(&self.volume, self.roi.as_ref());
+        show(&VolumeSource { volume: &volume, roi: roi.as_deref() })
     }
 }
 

@@ -5,6 +5,7 @@ use engine::image::{Image, flip, psnr, ssim};
 use engine::render::{Camera, Look, Scene, VolumeSource};
 use engine::splat::{Packed, SplatSet};
 use engine::transfer::TransferFunction;
+use engine::volume::BetweenSlices;
 use engine::{Error, Kind, Result};
 
 use super::config::{Classify, Rendering, Section};
@@ -38,7 +39,8 @@ pub fn measure(
         cameras: place.cameras(&unit.orbit, &unit.views())?,
     };
     let first = Look::new(place.transfer(&unit.transfers[0])?);
-    let ct = VolumeSource { volume: &place.volume, roi: Some(&place.roi) };
+    let (volume, roi) = BetweenSlices::default().shown(&place.volume, Some(&place.roi));
+    let ct = VolumeSource { volume: &volume, roi: roi.as_deref() };
     let mut stage = Stage {
         full: Scene::new(gpu, Some(set), needs_volume(unit).then_some(&ct), &first)?,
         packed: packed(unit, set, gpu, &first)?,

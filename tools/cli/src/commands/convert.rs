@@ -5,6 +5,7 @@ use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
 use clap::Args;
+use engine::fit::evaluate::between_slices_of;
 use engine::fit::{FitConfig, FitForm, Problem, with_part_of_mask};
 use engine::render::{Intensities, Look, ObjectChange, UsualLook};
 use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, WriteOptions};
@@ -438,7 +439,11 @@ fn fitted_again(arguments: &ConvertArguments, set: &SplatSet, volume: &Path) -> 
         cleaning: CleaningArguments::default(),
     };
     let (case, _) = Case::read_labelled(volume, &arguments.read, &region)?;
-    let grid = Grid::of_voxels(case.volume.size, case.volume.world_from_voxel);
+    let between_slices = between_slices_of(set, &case.volume);
+    let grid = match between_slices.finer(&case.volume) {
+        Some(finer) => Grid::of_voxels(finer.size(), finer.world_from_voxel()),
+        None => Grid::of_voxels(case.volume.size, case.volume.world_from_voxel),
+    };
     if set.grid != Some(grid) {
         let message = format!("the splats were fitted on another grid than that of {}", volume.display());
         return Err(Error::new(Kind::Usage, "VGS-CLI-100", message)
@@ -451,6 +456,7 @@ fn fitted_again(arguments: &ConvertArguments, set: &SplatSet, volume: &Path) -> 
         kernel: set.field.kernel,
         epsilon: set.field.epsilon,
         occupancy_w0: set.field.occupancy_w0,
+        between_slices,
         form: if set.form == Form::Field { FitForm::Field } else { FitForm::Grid },
         ..FitConfig::default()
     };

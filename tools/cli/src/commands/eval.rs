@@ -11,7 +11,7 @@ use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::place::place;
 use engine::output::write_atomic;
 use engine::splat::{Form, Splat, SplatSet};
-use engine::volume::nifti;
+use engine::volume::{BetweenSlices, nifti};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
@@ -21,7 +21,7 @@ use crate::report::quality::{Quality, quality_table, quality_text};
 use crate::shared::console::Console;
 use crate::shared::evaluation::{EVAL_SEED, unweighted};
 use crate::shared::failure::Stop;
-use crate::shared::flags::{DeviceArguments, Range, range_or_roi};
+use crate::shared::flags::{DeviceArguments, Range, between_slices, range_or_roi};
 use crate::shared::inputs::{Case, ReadArguments, RoiArguments};
 use crate::shared::memory::host_peak_bytes;
 use crate::shared::waiting::Waiting;
@@ -51,6 +51,9 @@ pub struct EvalArguments {
     /// Seed of the offsets
     #[arg(long, value_name = "N", default_value_t = EVAL_SEED, help_heading = "Evaluation")]
     seed: u64,
+    /// What lies between thick slices: smooth, other slices, or linear [default: as the splats were fitted]
+    #[arg(long, value_name = "smooth|linear", value_parser = between_slices, help_heading = "Evaluation")]
+    between_slices: Option<BetweenSlices>,
     /// How far around the region the occupancy counts, voxels along each axis
     #[arg(long, value_name = "N", default_value_t = 4, help_heading = "Evaluation",
           value_parser = clap::value_parser!(u32).range(0..=32))]
@@ -143,8 +146,17 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
     let gpu = arguments.device.boot()?;
     let protocol = arguments.protocol(&case)?;
     let waiting = Waiting::on("measuring the splats");
-    let of_field = evaluate::evaluate(&gpu, &splats, &set.field, &case.volume, &case.roi, &protocol)?;
-    let of_decoded = evaluate_decoded(&gpu, &set, &case.volume, &case.roi, &protocol)?;
+    let fitted = || evaluate::between_slices_of(&set, &case.volume);
+    let between = arguments.between_slices.unwrap_or_else(fitted);
+    let of_field =
+        evaluate::with_slices(&case.volume, &case.roi, between, &protocol, |volume, roi, protocol| {
+            let splats = set.to_voxel(&volume.world_from_voxel);
+            evaluate::evaluate(&gpu, &splats, &set.field, volume, roi, protocol)
+        })?;
+    let of_decoded =
+        evaluate::with_slices(&case.volume, &case.roi, between, &protocol, |volume, roi, protocol| {
+            evaluate_decoded(&gpu, &set, volume, roi, protocol)
+        })?;
     let of_grid = set.form != Form::Field;
     // The evaluation of what is shown comes first.
     let evaluation = if of_grid { &of_decoded } else { &of_field };

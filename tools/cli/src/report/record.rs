@@ -31,7 +31,8 @@ pub struct RunRecord<'a> {
     pub inputs: BTreeMap<&'static str, InputRecord>,
     pub volume: VolumeRecord,
     pub roi: RoiRecord,
-    /// Coarser grid that was fitted, if `working_grid` asks for one; the results are on the native grid.
+    /// Grid that was fitted where that is not the native one: coarser, if `working_grid` asks for that, or with more
+    /// slices. The results at the voxels are those of the native one.
     pub working_grid: Option<WorkingRecord>,
     pub profile: &'a str,
     /// Chosen quality, if there is one.

@@ -5,6 +5,7 @@ use std::str::FromStr;
 use clap::Args;
 use engine::render::ClipPlane;
 use engine::unit::Unit;
+use engine::volume::BetweenSlices;
 use glam::DVec3;
 
 use super::waiting::Waiting;
@@ -44,6 +45,12 @@ impl DeviceArguments {
         tracing::info!("device: {} ({}, {})", chosen.name, chosen.kind, chosen.driver);
         Ok(gpu)
     }
+}
+
+/// Parses the name of what lies between thick slices.
+pub fn between_slices(text: &str) -> Result<BetweenSlices, String> {
+    let row = BetweenSlices::NAMES.into_iter().find(|(name, _)| *name == text);
+    row.map(|(_, between)| between).ok_or_else(|| "smooth or linear".to_owned())
 }
 
 /// Width and height, pixels.

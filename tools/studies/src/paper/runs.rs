@@ -6,10 +6,10 @@
 use std::time::Instant;
 
 use engine::Result;
+use engine::fidelity::evaluate_decoded;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::{Beginning, End, FitForm, Milestone, Problem, Start, Watch};
 use engine::gpu::{Gpu, GpuOptions};
-use engine::render;
 use engine::splat::{self, Splat, SplatSet};
 use serde::{Deserialize, Serialize};
 
@@ -330,17 +330,19 @@ impl Bench<'_> {
             threshold: self.job.config.region_threshold,
         };
         let Scene { volume, roi, .. } = &self.place.scene;
+        let between = self.job.config.effective_between_slices();
         if is_last && self.job.config.effective_form() == FitForm::Grid {
             let set = self.set(splats)?;
-            let decoded = render::decode(self.judge, &set, 1.0)?;
-            return Ok(evaluate::evaluate_field(
-                decoded.in_voxels_of(volume, set.origin_mm),
-                volume,
-                roi,
-                &protocol,
-            ));
+            return evaluate::with_slices(volume, roi, between, &protocol, |volume, roi, protocol| {
+                evaluate_decoded(self.judge, &set, volume, roi, protocol)
+            });
         }
-        evaluate::evaluate(self.judge, splats, &self.problem.field(), volume, roi, &protocol)
+        evaluate::with_slices(volume, roi, between, &protocol, |volume, roi, protocol| {
+            let set = || self.problem.splat_set(splats, 0).to_voxel(&volume.world_from_voxel);
+            let there = self.problem.has_own_grid().then(set);
+            let splats = there.as_deref().unwrap_or(splats);
+            evaluate::evaluate(self.judge, splats, &self.problem.field(), volume, roi, protocol)
+        })
     }
 
     fn set(&self, splats: &[Splat]) -> Result<SplatSet> {

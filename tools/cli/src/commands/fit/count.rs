@@ -61,7 +61,7 @@ pub fn for_goal<'a>(
     };
     let count = problem.count_for(gpu, goal, margin, &mut told, &mut waiting.going(over))?;
     drop(waiting);
-    let most = problem.config().most_splats(problem.roi().weight_sum());
+    let most = problem.config().most_splats(problem.native_voxels());
     let limited = if count > most { format!("; {most} are the most there may be") } else { String::new() };
     let trials = if trials == 1 { "a short trial".to_owned() } else { format!("{trials} short trials") };
     console.say(&format!(
@@ -96,7 +96,7 @@ pub fn placed<'a>(
         let filled = if beside_mask { FILLED_BESIDE_MASK } else { FILLED };
         let rounded = if splat::rounds(&arguments.output) { FILLED_IF_ROUNDED } else { 1.0 };
         let part = size as f64 / (most as f64 * filled * rounded);
-        let limit = problem.config().most_splats(problem.roi().weight_sum());
+        let limit = problem.config().most_splats(problem.native_voxels());
         let count = ((first.len() as f64 / part) as usize).clamp(1, limit.max(1));
         let fits = part <= 1.0 && (!fills || part > NEARLY || count == first.len());
         if fits || count == first.len() {

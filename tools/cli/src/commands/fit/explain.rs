@@ -167,7 +167,7 @@ fn file_bytes(plan: &Plan<'_>, early: SplatSet) -> Result<u64> {
 fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<VoxelErrors> {
     let Prepared { problem, case, protocol, .. } = plan.prepared;
     let there;
-    let splats = if problem.is_coarser() {
+    let splats = if problem.has_own_grid() {
         there = problem.splat_set(early, EARLY).to_voxel(&case.volume.world_from_voxel);
         &there
     } else {

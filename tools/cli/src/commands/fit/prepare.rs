@@ -49,7 +49,7 @@ pub struct Prepared<'a> {
     pub files: &'a OutputFiles,
     /// Volume and region as they were read.
     pub case: &'a Case,
-    labels: Option<&'a Labels>,
+    labels: Option<Labels>,
     /// Problem of the fit: volume and region on the working grid, with the hyper-parameters for it.
     pub problem: Problem<'a>,
     /// Checkpoints of the fit.
@@ -130,7 +130,11 @@ pub fn prepare<'a>(
         settings,
         files,
         case,
-        labels: inputs.labels.as_ref(),
+        labels: inputs
+            .labels
+            .clone()
+            .map(|labels| labels.with_slices(config.effective_between_slices()))
+            .transpose()?,
         field: problem.field(),
         problem,
         checkpoints,
@@ -180,7 +184,7 @@ impl Prepared<'_> {
     }
 
     fn labelled(&self, mut set: SplatSet) -> SplatSet {
-        if let Some(labels) = self.labels {
+        if let Some(labels) = &self.labels {
             label(&mut set, labels);
         }
         set

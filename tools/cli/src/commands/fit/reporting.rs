@@ -142,7 +142,7 @@ fn record<'a>(
         inputs: arguments.input_records()?,
         volume: VolumeRecord::of(&case.volume),
         roi: RoiRecord::of(&case.roi, &case.volume),
-        working_grid: problem.is_coarser().then(|| WorkingRecord {
+        working_grid: problem.has_own_grid().then(|| WorkingRecord {
             volume: VolumeRecord::of(problem.volume()),
             roi: RoiRecord::of(problem.roi(), problem.volume()),
         }),

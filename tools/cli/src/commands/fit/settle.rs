@@ -118,13 +118,15 @@ pub fn measure(
     protocol: &Protocol,
 ) -> Result<Evaluation> {
     let case = prepared.case;
-    if set.form != Form::Field {
-        return evaluate_decoded(gpu, set, &case.volume, &case.roi, protocol);
-    }
-    // Splats of a working grid are converted to the native one, and those of a small file are not those of the
-    // fit. Others are there already, and need no conversion, which is not exact.
-    let converted = prepared.problem.is_coarser() || set.rounding.is_some();
-    let native = converted.then(|| set.to_voxel(&case.volume.world_from_voxel));
-    let splats = native.as_deref().unwrap_or(splats);
-    evaluate::evaluate(gpu, splats, &prepared.field, &case.volume, &case.roi, protocol)
+    let between = evaluate::between_slices_of(set, &case.volume);
+    evaluate::with_slices(&case.volume, &case.roi, between, protocol, |volume, roi, protocol| {
+        if set.form != Form::Field {
+            return evaluate_decoded(gpu, set, volume, roi, protocol);
+        }
+        // Splats of a working grid are converted to that of the volume, and those of a small file are not those of
+        // the fit. Others are there already, and need no conversion, which is not exact.
+        let converted = prepared.problem.has_own_grid() || set.rounding.is_some();
+        let there = converted.then(|| set.to_voxel(&volume.world_from_voxel));
+        evaluate::evaluate(gpu, there.as_deref().unwrap_or(splats), &prepared.field, volume, roi, protocol)
+    })
 }

@@ -5,11 +5,12 @@ use std::path::PathBuf;
 use clap::{ArgGroup, Args};
 use engine::image::file;
 use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
+use engine::volume::BetweenSlices;
 use engine::{Error, Kind, Result};
 
 use super::light::LightArguments;
 use super::values::{self, Background, GradientOpacity, PictureSize, View};
-use crate::shared::flags::{Clip, DeviceArguments, pair};
+use crate::shared::flags::{Clip, DeviceArguments, between_slices, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 
 /// Renders splats or a volume through a transfer function
@@ -23,6 +24,11 @@ pub struct RenderArguments {
     /// PLY of the paper's authors, with its region
     #[arg(long, value_name = "VOLUME", help_heading = "Volume")]
     pub volume: Option<PathBuf>,
+    /// What lies between thick slices of the volume: smooth, other slices, by a cubic and by the shape of the mask; or
+    /// linear, nothing, with steps from slice to slice
+    #[arg(long, value_name = "smooth|linear", default_value = "smooth", value_parser = between_slices,
+          help_heading = "Volume")]
+    pub between_slices: BetweenSlices,
     #[command(flatten)]
     pub region: VolumeRegion,
     #[command(flatten)]

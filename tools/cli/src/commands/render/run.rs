@@ -97,7 +97,8 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         row = arguments.error_row(row, set.as_ref())?;
     }
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
-    let source = volume.as_ref().map(|volume| VolumeSource { volume, roi: roi.as_ref() });
+    let shown = volume.as_ref().map(|volume| arguments.between_slices.shown(volume, roi.as_ref()));
+    let source = shown.as_ref().map(|(volume, roi)| VolumeSource { volume, roi: roi.as_deref() });
     let unit = set.as_ref().map(|set| set.unit).or(volume.as_ref().map(Volume::unit)).unwrap_or_default();
     let range = intensities(set.as_ref(), volume.as_ref());
     let mut look = arguments.look(console, set.as_ref(), range, transfer::first(unit), row.own_functions)?;

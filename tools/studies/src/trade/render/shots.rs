@@ -6,6 +6,7 @@ use engine::gpu::Gpu;
 use engine::image::Image;
 use engine::render::{Camera, Frames, Look, Precision, QualityLevel, Scene, Settings, VolumeSource, mode};
 use engine::splat::SplatSet;
+use engine::volume::BetweenSlices;
 use serde::{Deserialize, Serialize};
 
 use super::plan::Choice;
@@ -95,7 +96,8 @@ impl Keep for Record {
 /// Renders all pictures of a unit, of splats of both of its fits, and compares them with the reference.
 pub fn measure(unit: &Unit, place: &Place, set: &SplatSet, grid_set: &SplatSet, gpu: &Gpu) -> Result<Record> {
     let look = Look::new(place.transfer(&unit.transfer)?);
-    let ct = VolumeSource { volume: &place.volume, roi: Some(&place.roi) };
+    let (volume, roi) = BetweenSlices::default().shown(&place.volume, Some(&place.roi));
+    let ct = VolumeSource { volume: &volume, roi: roi.as_deref() };
     let mut full = Scene::new(gpu, Some(set), Some(&ct), &look)?;
     let packed = Scene::with_precision(gpu, Some(set), None, &look, Precision::Packed)?;
     let of_grid = Scene::new(gpu, Some(grid_set), None, &look)?;

@@ -1,0 +1,426 @@
+//! What lies between thick slices: a finer pitch along the one axis along which voxels are much longer.
+//!
+//! Every slice of the volume stays as it is, bit for bit; between two of them come [`FinerSlices::factor`] - 1 others:
+//!
+//! - **intensities** by the monotone cubic of Fritsch and Butland ("A method for constructing local monotone piecewise
+//!   cubic interpolants", 1984), voxel by voxel, which stays within the range of the two neighbours;
+//! - **binary masks and labels** by shape (Raya and Udupa, "Shape-based interpolation of multidimensional objects",
+//!   1990): the same cubic of the signed distance of each pixel to the outline in its slice, mm; inside is what is at
+//!   least 0, and of several labels the one that lies deepest counts;
+//! - **soft masks** linearly.
+//!
+//! Nothing is added before the first slice and after the last.
+
+use std::borrow::Cow;
+use std::ops::Range;
+
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
+use serde::{Deserialize, Serialize};
+
+use super::affine::spacing_of;
+use super::distance::lower_envelope;
+use super::{Roi, Volume};
+use crate::error::Result;
+use crate::memory;
+
+/// Edge of a voxel along the coarse axis over the longer one of the other two from which on there are slices between.
+const LEAST_RATIO: f64 = 1.75;
+/// Greatest factor.
+const MOST_TIMES: usize = 8;
+/// Most slices, as many as a 3D image of usual devices has, ...
+const MOST_SLICES: usize = 2048;
+/// ... and most voxels. Both are numbers and not what memory there is, so that a fit is the same on every machine.
+const MOST_VOXELS: usize = 1 << 29;
+/// Greatest distance that counts, in slices: what lies deeper ends no farther from its last slice, so that the tip of
+/// one rib does not depend on how far the next rib is.
+const REACH: f64 = 1.5;
+
+/// What lies between the slices of a volume whose voxels are much longer along one axis.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "kebab-case")]
+pub enum BetweenSlices {
+    /// Other slices: intensities by a cubic, masks by their shape.
+    #[default]
+    Smooth,
+    /// Nothing: neighbours are interpolated linearly where they are shown.
+    Linear,
+}
+
+impl BetweenSlices {
+    /// Every value with its name in files and flags.
+    pub const NAMES: [(&'static str, BetweenSlices); 2] =
+        [("smooth", BetweenSlices::Smooth), ("linear", BetweenSlices::Linear)];
+
+    /// Returns the finer grid of a volume; `None` if there is none to be made.
+    pub fn finer(self, volume: &Volume) -> Option<FinerSlices> {
+        match self {
+            BetweenSlices::Smooth => FinerSlices::of(volume.size, &volume.world_from_voxel),
+            BetweenSlices::Linear => None,
+        }
+    }
+
+    /// Returns a volume and its region as they are shown: on the finer grid, if there is one. If memory does not hold
+    /// that, they are shown as they are, with a warning.
+    pub fn shown<'a>(
+        self,
+        volume: &'a Volume,
+        roi: Option<&'a Roi>,
+    ) -> (Cow<'a, Volume>, Option<Cow<'a, Roi>>) {
+        let plain = (Cow::Borrowed(volume), roi.map(Cow::Borrowed));
+        let Some(finer) = self.finer(volume) else { return plain };
+        if let Err(error) = finer.require_memory() {
+            tracing::warn!("shown with steps from slice to slice: {error}");
+            return plain;
+        }
+        let fine = finer.volume(volume);
+        let roi = roi.map(|roi| Cow::Owned(finer.roi(roi, &fine)));
+        (Cow::Owned(fine), roi)
+    }
+}
+
+/// A grid with more slices along one axis, for the volumes and masks of another grid. Slice i of that one is slice
+/// i `factor` of this.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct FinerSlices {
+    axis: usize,
+    factor: usize,
+    /// Size and place of the grid with few slices.
+    coarse_size: [usize; 3],
+    coarse_affine: DAffine3,
+}
+
+impl FinerSlices {
+    /// Returns the finer grid of one with voxels of `size` at `world_from_voxel`; `None` where no axis is coarse, or only
+    /// a slice long, and where the finer grid would be too large.
+    pub fn of(size: [usize; 3], world_from_voxel: &DAffine3) -> Option<Self> {
+        let spacing = spacing_of(world_from_voxel).to_array();
+        let axis = (0..3).max_by(|&a, &b| spacing[a].total_cmp(&spacing[b]))?;
+        let others = [(axis + 1) % 3, (axis + 2) % 3].map(|other| spacing[other]);
+        let usable = spacing.iter().all(|edge| edge.is_finite() && *edge > 0.0) && size[axis] >= 2;
+        if !usable || size.contains(&0) || spacing[axis] < LEAST_RATIO * others[0].max(others[1]) {
+            return None;
+        }
+        let ratio = 2.0 * spacing[axis] / (others[0] + others[1]);
+        let wanted = (ratio.round() as usize).min(MOST_TIMES);
+        let plane = size.iter().product::<usize>() / size[axis];
+        (2..=wanted).rev().find_map(|factor| {
+            let slices = (size[axis] - 1) * factor + 1;
+            let fits = slices <= MOST_SLICES && plane.checked_mul(slices)? <= MOST_VOXELS;
+            fits.then_some(FinerSlices { axis, factor, coarse_size: size, coarse_affine: *world_from_voxel })
+        })
+    }
+
+    /// Returns how many of its slices there are for one.
+    pub fn factor(&self) -> usize {
+        self.factor
+    }
+
+    /// Returns the axis along which there are more slices.
+    pub fn axis(&self) -> usize {
+        self.axis
+    }
+
+    /// Returns the voxel counts along x, y, z.
+    pub fn size(&self) -> [usize; 3] {
+        let mut size = self.coarse_size;
+        size[self.axis] = (size[self.axis] - 1) * self.factor + 1;
+        size
+    }
+
+    /// Returns the map from voxel index (centres at integers) to world, mm RAS.
+    pub fn world_from_voxel(&self) -> DAffine3 {
+        let mut scale = DVec3::ONE;
+        scale[self.axis] /= self.factor as f64;
+        self.coarse_affine * DAffine3::from_scale(scale)
+    }
+
+    /// Fails if memory does not hold a volume and a region of this size.
+    ///
+    /// # Errors
+    /// [`Kind::HostMemory`](crate::Kind::HostMemory).
+    pub fn require_memory(&self) -> Result<()> {
+        let voxels: u64 = self.size().iter().map(|&n| n as u64).product();
+        memory::require(voxels.saturating_mul(10), "the slices between those of this volume")
+            .map_err(|error| error.help("leave them out: --between-slices linear"))
+    }
+
+    /// Returns the volume with more slices. A voxel between two of which one is not finite is NaN.
+    ///
+    /// # Panics
+    /// If the volume has another size.
+    pub fn volume(&self, volume: &Volume) -> Volume {
+        assert_eq!(volume.size, self.coarse_size, "a volume of the grid");
+        Volume {
+            size: self.size(),
+            world_from_voxel: self.world_from_voxel(),
+            samples: self.fill(&volume.samples, f32::NAN, |near, t| cubic(near.map(f64::from), t) as f32),
+            oriented: volume.oriented,
+            labels: volume.labels.clone(),
+            frame_of_reference: volume.frame_of_reference.clone(),
+            stated_unit: Some(volume.unit()),
+        }
+    }
+
+    /// Returns the region with more slices, without the voxels at which `finer`, the [volume](Self::volume) with more
+    /// slices, is not finite.
+    ///
+    /// # Panics
+    /// If the region or the volume has another size.
+    pub fn roi(&self, roi: &Roi, finer: &Volume) -> Roi {
+        assert_eq!((roi.size, finer.size), (self.coarse_size, self.size()), "a region of the grid");
+        let mut weight = if roi.soft {
+            self.fill(&roi.weight, 0.0, |[_, b, c, _], t| b + (c - b) * t as f32)
+        } else {
+            let mask: Vec<u8> = roi.weight.par_iter().map(|&w| u8::from(w > 0.0)).collect();
+            self.labels(&mask).into_par_iter().map(f32::from).collect()
+        };
+        weight.par_iter_mut().zip(&finer.samples).filter(|(_, v)| !v.is_finite()).for_each(|(w, _)| *w = 0.0);
+        Roi { size: self.size(), weight, soft: roi.soft }
+    }
+
+    /// Returns labels (0: none) with more slices. Each label is interpolated by its own shape; where several are, the
+    /// one counts whose outline is farthest.
+    ///
+    /// # Panics
+    /// If there is not one label for every voxel of the grid.
+    pub fn labels(&self, values: &[u8]) -> Vec<u8> {
+        let boxes = self.boxes(values);
+        let is_there = |label: &u8| boxes.iter().any(|of_slice| of_slice[usize::from(*label)].is_some());
+        let labels: Vec<u8> = (1..=u8::MAX).filter(is_there).collect();
+        // The slices that are there already have their labels; between them none has one yet.
+        let mut out = self.fill(values, 0, |_, _| 0);
+        let mut deepest = if labels.len() > 1 { vec![0.0f32; out.len()] } else { Vec::new() };
+        for label in labels {
+            let Some(shape) = Shape::of(self, values, label, &boxes) else { continue };
+            let (inner, fine) = (self.inner(), self.size()[self.axis]);
+            let place = |out: &mut [u8], mut deepest: Option<&mut [f32]>, chunk: usize| {
+                let (o, slice) = (chunk / fine, chunk % fine);
+                let (below, t) = self.between(slice);
+                if t == 0.0 || !shape.is_in(below) && !shape.is_in(below + 1) {
+                    return;
+                }
+                shape.each_column(o * inner..(o + 1) * inner, |column, pixel| {
+                    let depth = cubic(shape.near(below, pixel), t) as f32;
+                    let at = column - o * inner;
+                    let wins = match &mut deepest {
+                        Some(deepest) => depth > deepest[at] || depth == 0.0 && out[at] == 0,
+                        None => true,
+                    };
+                    if depth >= 0.0 && wins {
+                        out[at] = label;
+                        if let Some(deepest) = &mut deepest {
+                            deepest[at] = depth;
+                        }
+                    }
+                });
+            };
+            if deepest.is_empty() {
+                out.par_chunks_mut(inner).enumerate().for_each(|(chunk, out)| place(out, None, chunk));
+            } else {
+                out.par_chunks_mut(inner)
+                    .zip(deepest.par_chunks_mut(inner))
+                    .enumerate()
+                    .for_each(|(chunk, (out, deepest))| place(out, Some(deepest), chunk));
+            }
+        }
+        out
+    }
+
+    /// Returns the number of voxels from one slice to the next in memory. A *column* is a line of voxels along the
+    /// axis; columns are counted by their first voxel, x before y before z. `inner` columns in a row lie side by side.
+    fn inner(&self) -> usize {
+        self.coarse_size[..self.axis].iter().product()
+    }
+
+    /// Returns the slice below a finer one, and how far above it that is, in slices.
+    fn between(&self, slice: usize) -> (usize, f64) {
+        (slice / self.factor, (slice % self.factor) as f64 / self.factor as f64)
+    }
+
+    /// Returns the pixels of a row of a slice, and the number of rows.
+    fn slice_size(&self) -> [usize; 2] {
+        self.across().map(|axis| self.coarse_size[axis])
+    }
+
+    /// Returns the axes of a slice.
+    fn across(&self) -> [usize; 2] {
+        [[1, 2], [0, 2], [0, 1]][self.axis]
+    }
+
+    /// Returns the place in memory of a voxel of the coarse grid.
+    fn index(&self, slice: usize, column: usize) -> usize {
+        let inner = self.inner();
+        (column / inner * self.coarse_size[self.axis] + slice) * inner + column % inner
+    }
+
+    /// Returns the box of each label in each slice.
+    fn boxes(&self, values: &[u8]) -> Vec<Vec<Option<Box2>>> {
+        let [row, rows] = self.slice_size();
+        let of_slice = |slice: usize| {
+            let mut found: Vec<Option<Box2>> = vec![None; 1 << u8::BITS];
+            for column in 0..row * rows {
+                let label = usize::from(values[self.index(slice, column)]);
+                if label > 0 {
+                    let pixel = [column % row, column / row].map(|at| at..at + 1);
+                    let there = &mut found[label];
+                    *there = Some(there.take().map_or(pixel.clone(), |b| around(&b, &pixel)));
+                }
+            }
+            found
+        };
+        (0..self.coarse_size[self.axis]).into_par_iter().map(of_slice).collect()
+    }
+
+    /// Returns the values of the finer grid: those of `values` where it has a slice, and `between` of the four
+    /// nearest in the column elsewhere, with the distance from the second one, in slices; `beyond` stands for what the
+    /// column does not have.
+    fn fill<T: Copy + Send + Sync>(
+        &self,
+        values: &[T],
+        beyond: T,
+        between: impl Fn([T; 4], f64) -> T + Sync,
+    ) -> Vec<T> {
+        let count = self.coarse_size[self.axis];
+        assert_eq!(values.len(), self.coarse_size.iter().product::<usize>(), "a value for every voxel");
+        let (inner, fine) = (self.inner(), self.size()[self.axis]);
+        let mut out = vec![beyond; self.size().iter().product()];
+        out.par_chunks_mut(inner).enumerate().for_each(|(chunk, out)| {
+            let (o, slice) = (chunk / fine, chunk % fine);
+            let (below, t) = self.between(slice);
+            let row = |slice: usize| &values[(o * count + slice) * inner..][..inner];
+            if t == 0.0 {
+                out.copy_from_slice(row(below));
+                return;
+            }
+            let rows = NEAR.map(|by| nearby(below, by, count).map(row));
+            for (i, out) in out.iter_mut().enumerate() {
+                *out = between(rows.map(|row| row.map_or(beyond, |row| row[i])), t);
+            }
+        });
+        out
+    }
+}
+
+/// The four nearest slices, from the one below.
+const NEAR: [isize; 4] = [-1, 0, 1, 2];
+
+/// Returns the slice that is `by` slices from another one, if there is one.
+fn nearby(slice: usize, by: isize, count: usize) -> Option<usize> {
+    slice.checked_add_signed(by).filter(|&slice| slice < count)
+}
+
+/// First and last but one pixel along the two axes of a slice.
+type Box2 = [Range<usize>; 2];
+
+/// Returns the box around two others.
+fn around(a: &Box2, b: &Box2) -> Box2 {
+    std::array::from_fn(|k| a[k].start.min(b[k].start)..a[k].end.max(b[k].end))
+}
+
+/// Returns the monotone cubic through `b` at 0 and `c` at 1, at `t`, with `a` at -1 and `d` at 2: it stays between b
+/// and c. Its slope at b and c is the harmonic mean of those to the neighbours on both sides, or 0 where these have
+/// not the same sign; a neighbour beyond that is not finite does not count, and NaN is returned where b or c is not.
+fn cubic([a, b, c, d]: [f64; 4], t: f64) -> f64 {
+    if !(b.is_finite() && c.is_finite()) {
+        return f64::NAN;
+    }
+    let middle = c - b;
+    let slope = |beside: f64| match beside.is_finite() {
+        true if beside * middle > 0.0 => 2.0 * beside * middle / (beside + middle),
+        true => 0.0,
+        false => middle,
+    };
+    let (at_b, at_c) = (slope(b - a), slope(d - c));
+    let (t2, t3) = (t * t, t * t * t);
+    let value = b + (3.0 * t2 - 2.0 * t3) * middle + (t3 - 2.0 * t2 + t) * at_b + (t3 - t2) * at_c;
+    // Only rounding can lead out of the range.
+    value.clamp(b.min(c), b.max(c))
+}
+
+/// A binary shape: the signed distance of each pixel to its outline, slice by slice, in the box that holds it.
+struct Shape {
+    /// Columns of the box, along the two axes of a slice.
+    columns: Box2,
+    /// Pixels of a row of a slice.
+    row: usize,
+    /// Signed distances of each slice, mm, positive inside; `None` where the slice has nothing of the shape.
+    slices: Vec<Option<Vec<f32>>>,
+    /// Greatest distance, mm; its negative stands for a slice without the shape.
+    reach: f64,
+}
+
+impl Shape {
+    /// Returns the shape of a label, of which these are the boxes in each slice; `None` if no voxel has it.
+    fn of(grid: &FinerSlices, values: &[u8], label: u8, boxes: &[Vec<Option<Box2>>]) -> Option<Shape> {
+        let boxes: Vec<&Option<Box2>> = boxes.iter().map(|of_slice| &of_slice[usize::from(label)]).collect();
+        let whole = boxes.iter().copied().flatten().cloned().reduce(|a, b| around(&a, &b))?;
+        let [row, rows] = grid.slice_size();
+        let spacing = spacing_of(&grid.coarse_affine);
+        let pixel_mm = grid.across().map(|axis| spacing[axis]);
+        let reach = REACH * spacing[grid.axis];
+        // Of any pixel in the box the nearest one outside of the shape lies in the box with one more pixel on each side.
+        let [across, up] = whole;
+        let wider = |range: Range<usize>, most| range.start.saturating_sub(1)..(range.end + 1).min(most);
+        let columns = [wider(across, row), wider(up, rows)];
+        let (width, height) = (columns[0].len(), columns[1].len());
+        let column =
+            |pixel: usize| (columns[1].start + pixel / width) * row + columns[0].start + pixel % width;
+        let of_slice = |slice: usize| {
+            boxes[slice].as_ref()?;
+            let is_in = |pixel| values[grid.index(slice, column(pixel))] == label;
+            let mask: Vec<bool> = (0..width * height).map(is_in).collect();
+            let to = |side: bool| distances(&mask, side, width, pixel_mm);
+            let signed = |(out, into): (f32, f32)| (out - into).clamp(-reach as f32, reach as f32);
+            Some(to(false).into_iter().zip(to(true)).map(signed).collect())
+        };
+        let slices = (0..boxes.len()).into_par_iter().map(of_slice).collect();
+        Some(Shape { columns, row, slices, reach })
+    }
+
+    /// Returns true if a slice has something of the shape.
+    fn is_in(&self, slice: usize) -> bool {
+        self.slices.get(slice).is_some_and(Option::is_some)
+    }
+
+    /// Returns the distances of a pixel of the box in the four nearest slices, mm; NaN beyond the ends.
+    fn near(&self, below: usize, pixel: usize) -> [f64; 4] {
+        NEAR.map(|by| match nearby(below, by, self.slices.len()).map(|slice| &self.slices[slice]) {
+            Some(Some(distances)) => f64::from(distances[pixel]),
+            Some(None) => -self.reach,
+            None => f64::NAN,
+        })
+    }
+
+    /// Calls `each` with every column of `range` in the box, and its pixel of the box.
+    fn each_column(&self, range: Range<usize>, mut each: impl FnMut(usize, usize)) {
+        let [across, up] = &self.columns;
+        let first = up.start.max(range.start / self.row);
+        let last = up.end.min((range.end - 1) / self.row + 1);
+        for y in first..last {
+            let low = range.start.max(y * self.row + across.start);
+            let high = range.end.min(y * self.row + across.end);
+            for column in low..high {
+                each(column, (y - up.start) * across.len() + column - y * self.row - across.start);
+            }
+        }
+    }
+}
+
+/// Returns the distance of each pixel of a slice to the nearest one of `side` in `mask`, mm, for rows of `width`
+/// pixels and these distances of neighbours along and across a row; infinite if there is none.
+fn distances(mask: &[bool], side: bool, width: usize, spacing: [f64; 2]) -> Vec<f32> {
+    let mut parabolas = Vec::new();
+    let mut squared: Vec<f32> = mask.iter().map(|&is| if is == side { 0.0 } else { f32::INFINITY }).collect();
+    squared.chunks_mut(width).for_each(|row| lower_envelope(row, spacing[0], &mut parabolas));
+    let mut line = vec![0.0; mask.len() / width];
+    for x in 0..width {
+        line.iter_mut().zip(squared[x..].iter().step_by(width)).for_each(|(to, from)| *to = *from);
+        lower_envelope(&mut line, spacing[1], &mut parabolas);
+        line.iter().zip(squared[x..].iter_mut().step_by(width)).for_each(|(from, to)| *to = from.sqrt());
+    }
+    squared
+}
+
+#[cfg(test)]
+mod tests;
