@@ -14,7 +14,7 @@ use crate::gpu::Gpu;
 pub use crate::passes::{FieldSample, Sampler};
 use crate::splat::{Field, Grid, Splat, SplatSet};
 use crate::volume::bricks::SAMPLES;
-use crate::volume::{BetweenSlices, Bricks, FinerSlices, Roi, Volume};
+use crate::volume::{BetweenSlices, Bricks, Displacements, FinerSlices, Roi, Volume};
 
 /// Error figures at one offset.
 #[derive(Clone, Copy, Debug, PartialEq, Serialize)]
@@ -229,8 +229,9 @@ pub fn with_slices(
     let Some(finer) = finer else { return measure(volume, roi, protocol) };
     finer.require_memory()?;
     let at_voxels = measure(volume, roi, &Protocol { offsets: Vec::new(), ..protocol.clone() })?;
-    let fine = finer.volume(volume);
-    let between = measure(&fine, &finer.roi(roi, &fine), protocol)?.between;
+    let along = Displacements::of(&finer, volume);
+    let fine = finer.volume(volume, &along);
+    let between = measure(&fine, &finer.roi(roi, &fine, &along), protocol)?.between;
     Ok(Evaluation { between, ..at_voxels })
 }
 

@@ -20,7 +20,7 @@ use crate::error::{Error, Kind, Result};
 use crate::gpu::Gpu;
 use crate::memory;
 use crate::splat::{self, Field, Grid, Splat, SplatSet};
-use crate::volume::{Roi, Volume};
+use crate::volume::{Displacements, Roi, Volume};
 
 /// Figures are fetched at least this many iterations apart ...
 const FIGURES_EVERY: u32 = 20;
@@ -120,14 +120,12 @@ impl<'a> Problem<'a> {
         let native_voxels = roi.weight_sum();
         if let Some(finer) = config.effective_between_slices().finer(volume) {
             finer.require_memory()?;
-            let fine = finer.volume(volume);
-            return Ok(Problem {
-                roi: Cow::Owned(finer.roi(roi, &fine)),
-                volume: Cow::Owned(fine),
-                config: config.clone(),
-                native_voxels,
-                volume_crc32: OnceLock::from(volume.crc32()),
-            });
+            let volume_crc32 = OnceLock::from(volume.crc32());
+            let along = Displacements::of(&finer, volume);
+            let fine = finer.volume(volume, &along);
+            let roi = Cow::Owned(finer.roi(roi, &fine, &along));
+            let (volume, config) = (Cow::Owned(fine), config.clone());
+            return Ok(Problem { volume, roi, config, native_voxels, volume_crc32 });
         }
         if config.working_grid <= 1 {
             let (volume, roi) = (Cow::Borrowed(volume), Cow::Borrowed(roi));

@@ -8,7 +8,7 @@ use rayon::prelude::*;
 use super::label_choice::resolve;
 use super::mask_values::label_of;
 use super::roi::{Grids, relate};
-use super::{BetweenSlices, FinerSlices, LabelChoice, Volume};
+use super::{BetweenSlices, Displacements, FinerSlices, LabelChoice, Volume};
 use crate::{Error, Kind, Result};
 
 /// Labels of the voxels of a mask, on the mask's own grid.
@@ -63,20 +63,21 @@ impl Labels {
     }
 
     /// Returns the labels with what lies between the slices of their mask, if these are thick: each label by its own
-    /// shape.
+    /// shape, along the displacements of `volume` if that is on the mask's grid.
     ///
     /// # Errors
     /// [`Kind::HostMemory`] if there is no memory for that.
-    pub fn with_slices(self, between: BetweenSlices) -> Result<Labels> {
+    pub fn with_slices(self, between: BetweenSlices, volume: &Volume) -> Result<Labels> {
         let finer = match between {
             BetweenSlices::Smooth => FinerSlices::of(self.size, &self.world_from_voxel),
             BetweenSlices::Linear => None,
         };
         let Some(finer) = finer else { return Ok(self) };
         finer.require_memory()?;
-        let world_from_voxel = finer.world_from_voxel();
-        let (values, size) = (finer.labels(&self.values), finer.size());
-        Ok(Labels { values, names: self.names, ..Labels::on_grid(size, world_from_voxel) })
+        let same = (volume.size, volume.world_from_voxel) == (self.size, self.world_from_voxel);
+        let along = if same { Displacements::of(&finer, volume) } else { Displacements::none() };
+        let (values, size) = (finer.labels(&self.values, &along), finer.size());
+        Ok(Labels { values, names: self.names, ..Labels::on_grid(size, finer.world_from_voxel()) })
     }
 
     /// Returns the labels of a grid before it has voxels.

@@ -65,7 +65,7 @@ pub use labels::Labels;
 pub use present::PresentLabel;
 pub use read_options::{Grid, ReadOptions};
 pub use roi::Roi;
-pub use slices::{BetweenSlices, FinerSlices};
+pub use slices::{BetweenSlices, Displacements, FinerSlices};
 pub use source::SNIFF_BYTES;
 pub use volume::{Stats, Volume};
 

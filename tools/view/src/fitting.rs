@@ -234,7 +234,7 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
     })?;
     let labels = labels
         .clone()
-        .map(|labels| labels.with_slices(order.config.effective_between_slices()))
+        .map(|labels| labels.with_slices(order.config.effective_between_slices(), volume))
         .transpose()?;
     let labelled = |mut set: SplatSet| {
         if let Some(labels) = &labels {

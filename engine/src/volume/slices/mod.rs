@@ -1,15 +1,19 @@
 //! What lies between thick slices: a finer pitch along the one axis along which voxels are much longer.
 //!
-//! Every slice of the volume stays as it is, bit for bit; between two of them come [`FinerSlices::factor`] - 1 others:
+//! Every slice of the volume stays as it is, bit for bit; between two of them come [`FinerSlices::factor`] - 1 others,
+//! by one cubic along the line on which a structure goes from slice to slice ([`Displacements`]): the monotone one of
+//! Fritsch and Butland ("A method for constructing local monotone piecewise cubic interpolants", 1984), which stays
+//! within the range of the two slices there.
 //!
-//! - **intensities** by the monotone cubic of Fritsch and Butland ("A method for constructing local monotone piecewise
-//!   cubic interpolants", 1984), voxel by voxel, which stays within the range of the two neighbours;
-//! - **binary masks and labels** by shape (Raya and Udupa, "Shape-based interpolation of multidimensional objects",
-//!   1990): the same cubic of the signed distance of each pixel to the outline in its slice, mm; inside is what is at
-//!   least 0, and of several labels the one that lies deepest counts;
-//! - **soft masks** linearly.
+//! - **Intensities** are interpolated as they are.
+//! - **Binary masks and labels** are interpolated by shape (Raya and Udupa, "Shape-based interpolation of
+//!   multidimensional objects", 1990): by the signed distance of each pixel to the outline in its slice, mm. Inside is
+//!   what is at least 0, and of several labels the one that lies deepest counts.
+//! - **Soft masks** are interpolated linearly on that line.
 //!
 //! Nothing is added before the first slice and after the last.
+
+mod displacement;
 
 use std::borrow::Cow;
 use std::ops::Range;
@@ -17,6 +21,8 @@ use std::ops::Range;
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
+
+pub use displacement::Displacements;
 
 use super::affine::spacing_of;
 use super::distance::lower_envelope;
@@ -73,8 +79,9 @@ impl BetweenSlices {
             tracing::warn!("shown with steps from slice to slice: {error}");
             return plain;
         }
-        let fine = finer.volume(volume);
-        let roi = roi.map(|roi| Cow::Owned(finer.roi(roi, &fine)));
+        let along = Displacements::of(&finer, volume);
+        let fine = finer.volume(volume, &along);
+        let roi = roi.map(|roi| Cow::Owned(finer.roi(roi, &fine, &along)));
         (Cow::Owned(fine), roi)
     }
 }
@@ -141,7 +148,7 @@ impl FinerSlices {
     /// [`Kind::HostMemory`](crate::Kind::HostMemory).
     pub fn require_memory(&self) -> Result<()> {
         let voxels: u64 = self.size().iter().map(|&n| n as u64).product();
-        memory::require(voxels.saturating_mul(10), "the slices between those of this volume")
+        memory::require(voxels.saturating_mul(12), "the slices between those of this volume")
             .map_err(|error| error.help("leave them out: --between-slices linear"))
     }
 
@@ -149,12 +156,18 @@ impl FinerSlices {
     ///
     /// # Panics
     /// If the volume has another size.
-    pub fn volume(&self, volume: &Volume) -> Volume {
+    pub fn volume(&self, volume: &Volume, along: &Displacements) -> Volume {
         assert_eq!(volume.size, self.coarse_size, "a volume of the grid");
+        let samples = self.fill(&volume.samples, |below, t, pixel| {
+            let near = |by| self.near(&volume.samples, below, t, pixel, by);
+            let found = cubic(near(along.at(below, pixel)), t);
+            // Beside a hole a line may lead into it where the column does not.
+            if found.is_finite() { found as f32 } else { cubic(near([0.0; 2]), t) as f32 }
+        });
         Volume {
             size: self.size(),
             world_from_voxel: self.world_from_voxel(),
-            samples: self.fill(&volume.samples, f32::NAN, |near, t| cubic(near.map(f64::from), t) as f32),
+            samples,
             oriented: volume.oriented,
             labels: volume.labels.clone(),
             frame_of_reference: volume.frame_of_reference.clone(),
@@ -167,13 +180,16 @@ impl FinerSlices {
     ///
     /// # Panics
     /// If the region or the volume has another size.
-    pub fn roi(&self, roi: &Roi, finer: &Volume) -> Roi {
+    pub fn roi(&self, roi: &Roi, finer: &Volume, along: &Displacements) -> Roi {
         assert_eq!((roi.size, finer.size), (self.coarse_size, self.size()), "a region of the grid");
         let mut weight = if roi.soft {
-            self.fill(&roi.weight, 0.0, |[_, b, c, _], t| b + (c - b) * t as f32)
+            self.fill(&roi.weight, |below, t, pixel| {
+                let [_, b, c, _] = self.near(&roi.weight, below, t, pixel, along.at(below, pixel));
+                (b + (c - b) * t).clamp(0.0, 1.0) as f32
+            })
         } else {
             let mask: Vec<u8> = roi.weight.par_iter().map(|&w| u8::from(w > 0.0)).collect();
-            self.labels(&mask).into_par_iter().map(f32::from).collect()
+            self.labels(&mask, along).into_par_iter().map(f32::from).collect()
         };
         weight.par_iter_mut().zip(&finer.samples).filter(|(_, v)| !v.is_finite()).for_each(|(w, _)| *w = 0.0);
         Roi { size: self.size(), weight, soft: roi.soft }
@@ -184,15 +200,15 @@ impl FinerSlices {
     ///
     /// # Panics
     /// If there is not one label for every voxel of the grid.
-    pub fn labels(&self, values: &[u8]) -> Vec<u8> {
+    pub fn labels(&self, values: &[u8], along: &Displacements) -> Vec<u8> {
         let boxes = self.boxes(values);
         let is_there = |label: &u8| boxes.iter().any(|of_slice| of_slice[usize::from(*label)].is_some());
         let labels: Vec<u8> = (1..=u8::MAX).filter(is_there).collect();
         // The slices that are there already have their labels; between them none has one yet.
-        let mut out = self.fill(values, 0, |_, _| 0);
+        let mut out = self.fill(values, |_, _, _| 0);
         let mut deepest = if labels.len() > 1 { vec![0.0f32; out.len()] } else { Vec::new() };
         for label in labels {
-            let Some(shape) = Shape::of(self, values, label, &boxes) else { continue };
+            let Some(shape) = Shape::of(self, values, label, &boxes, along.most) else { continue };
             let (inner, fine) = (self.inner(), self.size()[self.axis]);
             let place = |out: &mut [u8], mut deepest: Option<&mut [f32]>, chunk: usize| {
                 let (o, slice) = (chunk / fine, chunk % fine);
@@ -201,7 +217,7 @@ impl FinerSlices {
                     return;
                 }
                 shape.each_column(o * inner..(o + 1) * inner, |column, pixel| {
-                    let depth = cubic(shape.near(below, pixel), t) as f32;
+                    let depth = cubic(shape.near(below, t, pixel, along.at(below, pixel)), t) as f32;
                     let at = column - o * inner;
                     let wins = match &mut deepest {
                         Some(deepest) => depth > deepest[at] || depth == 0.0 && out[at] == 0,
@@ -248,10 +264,28 @@ impl FinerSlices {
         [[1, 2], [0, 2], [0, 1]][self.axis]
     }
 
-    /// Returns the place in memory of a voxel of the coarse grid.
-    fn index(&self, slice: usize, column: usize) -> usize {
-        let inner = self.inner();
-        (column / inner * self.coarse_size[self.axis] + slice) * inner + column % inner
+    /// Returns the distances of neighbouring voxels along each axis of the coarse grid, mm.
+    fn spacing_mm(&self) -> DVec3 {
+        spacing_of(&self.coarse_affine)
+    }
+
+    /// Returns the place in memory of a pixel of a slice of the coarse grid.
+    fn index(&self, slice: usize, [x, y]: [usize; 2]) -> usize {
+        let strides = [1, self.coarse_size[0], self.coarse_size[0] * self.coarse_size[1]];
+        let [across, up] = self.across();
+        slice * strides[self.axis] + x * strides[across] + y * strides[up]
+    }
+
+    /// Returns the values of the four nearest slices on the line through a pixel of the slice that lies `t` above slice
+    /// `below`, which goes `by` pixels from one to the next; NaN beyond the first and the last slice.
+    fn near(&self, values: &[f32], below: usize, t: f64, pixel: [usize; 2], by: [f32; 2]) -> [f64; 4] {
+        let (size, count) = (self.slice_size(), self.coarse_size[self.axis]);
+        NEAR.map(|slice| match nearby(below, slice, count) {
+            Some(there) => {
+                bilinear(size, on_line(pixel, by, slice, t), |pixel| values[self.index(there, pixel)])
+            }
+            None => f64::NAN,
+        })
     }
 
     /// Returns the box of each label in each slice.
@@ -259,10 +293,10 @@ impl FinerSlices {
         let [row, rows] = self.slice_size();
         let of_slice = |slice: usize| {
             let mut found: Vec<Option<Box2>> = vec![None; 1 << u8::BITS];
-            for column in 0..row * rows {
-                let label = usize::from(values[self.index(slice, column)]);
+            for pixel in (0..rows).flat_map(|y| (0..row).map(move |x| [x, y])) {
+                let label = usize::from(values[self.index(slice, pixel)]);
                 if label > 0 {
-                    let pixel = [column % row, column / row].map(|at| at..at + 1);
+                    let pixel = pixel.map(|at| at..at + 1);
                     let there = &mut found[label];
                     *there = Some(there.take().map_or(pixel.clone(), |b| around(&b, &pixel)));
                 }
@@ -272,34 +306,47 @@ impl FinerSlices {
         (0..self.coarse_size[self.axis]).into_par_iter().map(of_slice).collect()
     }
 
-    /// Returns the values of the finer grid: those of `values` where it has a slice, and `between` of the four
-    /// nearest in the column elsewhere, with the distance from the second one, in slices; `beyond` stands for what the
-    /// column does not have.
-    fn fill<T: Copy + Send + Sync>(
+    /// Returns the values of the finer grid: those of `values` where it has a slice, and elsewhere `between` of the
+    /// slice below, the distance from it in slices, and the pixel.
+    fn fill<T: Copy + Default + Send + Sync>(
         &self,
         values: &[T],
-        beyond: T,
-        between: impl Fn([T; 4], f64) -> T + Sync,
+        between: impl Fn(usize, f64, [usize; 2]) -> T + Sync,
     ) -> Vec<T> {
         let count = self.coarse_size[self.axis];
         assert_eq!(values.len(), self.coarse_size.iter().product::<usize>(), "a value for every voxel");
-        let (inner, fine) = (self.inner(), self.size()[self.axis]);
-        let mut out = vec![beyond; self.size().iter().product()];
+        let (inner, fine, [row, _]) = (self.inner(), self.size()[self.axis], self.slice_size());
+        let mut out = vec![T::default(); self.size().iter().product()];
         out.par_chunks_mut(inner).enumerate().for_each(|(chunk, out)| {
             let (o, slice) = (chunk / fine, chunk % fine);
             let (below, t) = self.between(slice);
-            let row = |slice: usize| &values[(o * count + slice) * inner..][..inner];
             if t == 0.0 {
-                out.copy_from_slice(row(below));
+                out.copy_from_slice(&values[(o * count + below) * inner..][..inner]);
                 return;
             }
-            let rows = NEAR.map(|by| nearby(below, by, count).map(row));
-            for (i, out) in out.iter_mut().enumerate() {
-                *out = between(rows.map(|row| row.map_or(beyond, |row| row[i])), t);
+            for (column, out) in (o * inner..).zip(out) {
+                *out = between(below, t, [column % row, column / row]);
             }
         });
         out
     }
+}
+
+/// Returns where the line through a pixel of the slice that lies `t` above another one meets the slice that is `slice`
+/// above that; it goes `by` pixels from one slice to the next.
+fn on_line(pixel: [usize; 2], by: [f32; 2], slice: isize, t: f64) -> [f64; 2] {
+    let up = slice as f64 - t;
+    std::array::from_fn(|k| pixel[k] as f64 + up * f64::from(by[k]))
+}
+
+/// Returns the bilinear sample of a slice of this size, clamped to its edge. A pixel counts only if it has weight.
+fn bilinear(size: [usize; 2], at: [f64; 2], value: impl Fn([usize; 2]) -> f32) -> f64 {
+    let low = |k: usize| at[k].clamp(0.0, size[k] as f64 - 1.0) as usize;
+    let part = |k: usize| (at[k].clamp(0.0, size[k] as f64 - 1.0)).fract();
+    let ([x, y], [fx, fy]) = ([low(0), low(1)], [part(0), part(1)]);
+    let lerp = |a: f64, t: f64, b: &dyn Fn() -> f64| if t == 0.0 { a } else { a + (b() - a) * t };
+    let row = |y: usize| lerp(f64::from(value([x, y])), fx, &|| f64::from(value([x + 1, y])));
+    lerp(row(y), fy, &|| row(y + 1))
 }
 
 /// The four nearest slices, from the one below.
@@ -351,31 +398,39 @@ struct Shape {
 }
 
 impl Shape {
-    /// Returns the shape of a label, of which these are the boxes in each slice; `None` if no voxel has it.
-    fn of(grid: &FinerSlices, values: &[u8], label: u8, boxes: &[Vec<Option<Box2>>]) -> Option<Shape> {
+    /// Returns the shape of a label, of which these are the boxes in each slice, for lines that go at most `most` pixels
+    /// from one slice to the next; `None` if no voxel has it.
+    fn of(
+        grid: &FinerSlices,
+        values: &[u8],
+        label: u8,
+        boxes: &[Vec<Option<Box2>>],
+        most: [usize; 2],
+    ) -> Option<Shape> {
         let boxes: Vec<&Option<Box2>> = boxes.iter().map(|of_slice| &of_slice[usize::from(label)]).collect();
         let whole = boxes.iter().copied().flatten().cloned().reduce(|a, b| around(&a, &b))?;
-        let [row, rows] = grid.slice_size();
-        let spacing = spacing_of(&grid.coarse_affine);
+        let (size, spacing) = (grid.slice_size(), grid.spacing_mm());
         let pixel_mm = grid.across().map(|axis| spacing[axis]);
         let reach = REACH * spacing[grid.axis];
-        // Of any pixel in the box the nearest one outside of the shape lies in the box with one more pixel on each side.
-        let [across, up] = whole;
-        let wider = |range: Range<usize>, most| range.start.saturating_sub(1)..(range.end + 1).min(most);
-        let columns = [wider(across, row), wider(up, rows)];
+        // A line through a pixel near the shape meets the slices beyond its neighbours twice as far away. Of any pixel in
+        // the box of the shape the nearest one outside of the shape lies within one more pixel on each side.
+        let wider = |k: usize| {
+            let by = 4 * most[k] + 1;
+            whole[k].start.saturating_sub(by)..(whole[k].end + by).min(size[k])
+        };
+        let columns = [wider(0), wider(1)];
         let (width, height) = (columns[0].len(), columns[1].len());
-        let column =
-            |pixel: usize| (columns[1].start + pixel / width) * row + columns[0].start + pixel % width;
+        let pixel = |i: usize| [columns[0].start + i % width, columns[1].start + i / width];
         let of_slice = |slice: usize| {
             boxes[slice].as_ref()?;
-            let is_in = |pixel| values[grid.index(slice, column(pixel))] == label;
-            let mask: Vec<bool> = (0..width * height).map(is_in).collect();
+            let mask: Vec<bool> =
+                (0..width * height).map(|i| values[grid.index(slice, pixel(i))] == label).collect();
             let to = |side: bool| distances(&mask, side, width, pixel_mm);
             let signed = |(out, into): (f32, f32)| (out - into).clamp(-reach as f32, reach as f32);
             Some(to(false).into_iter().zip(to(true)).map(signed).collect())
         };
         let slices = (0..boxes.len()).into_par_iter().map(of_slice).collect();
-        Some(Shape { columns, row, slices, reach })
+        Some(Shape { columns, row: size[0], slices, reach })
     }
 
     /// Returns true if a slice has something of the shape.
@@ -383,17 +438,21 @@ impl Shape {
         self.slices.get(slice).is_some_and(Option::is_some)
     }
 
-    /// Returns the distances of a pixel of the box in the four nearest slices, mm; NaN beyond the ends.
-    fn near(&self, below: usize, pixel: usize) -> [f64; 4] {
-        NEAR.map(|by| match nearby(below, by, self.slices.len()).map(|slice| &self.slices[slice]) {
-            Some(Some(distances)) => f64::from(distances[pixel]),
+    /// Returns the distances in the four nearest slices on a line, as [`FinerSlices::near`], mm.
+    fn near(&self, below: usize, t: f64, pixel: [usize; 2], by: [f32; 2]) -> [f64; 4] {
+        let size = [self.columns[0].len(), self.columns[1].len()];
+        let pixel = [pixel[0] - self.columns[0].start, pixel[1] - self.columns[1].start];
+        NEAR.map(|slice| match nearby(below, slice, self.slices.len()).map(|there| &self.slices[there]) {
+            Some(Some(distances)) => {
+                bilinear(size, on_line(pixel, by, slice, t), |[x, y]| distances[y * size[0] + x])
+            }
             Some(None) => -self.reach,
             None => f64::NAN,
         })
     }
 
-    /// Calls `each` with every column of `range` in the box, and its pixel of the box.
-    fn each_column(&self, range: Range<usize>, mut each: impl FnMut(usize, usize)) {
+    /// Calls `each` with every column of `range` in the box, and its pixel.
+    fn each_column(&self, range: Range<usize>, mut each: impl FnMut(usize, [usize; 2])) {
         let [across, up] = &self.columns;
         let first = up.start.max(range.start / self.row);
         let last = up.end.min((range.end - 1) / self.row + 1);
@@ -401,7 +460,7 @@ impl Shape {
             let low = range.start.max(y * self.row + across.start);
             let high = range.end.min(y * self.row + across.end);
             for column in low..high {
-                each(column, (y - up.start) * across.len() + column - y * self.row - across.start);
+                each(column, [column - y * self.row, y]);
             }
         }
     }

@@ -76,7 +76,7 @@ fn intensities_are_those_of_the_reference() {
         volume.samples.iter_mut().for_each(|v| *v = random.random_range(-1000.0..3000.0f32).round());
         let finer = FinerSlices::of(size, &volume.world_from_voxel).expect("thick slices");
         assert_eq!((finer.axis(), finer.factor()), (axis, 4));
-        let fine = finer.volume(&volume);
+        let fine = finer.volume(&volume, &Displacements::none());
         let samples: Vec<f64> = volume.samples.iter().copied().map(f64::from).collect();
         let wanted = by_columns(&finer, &samples, hermite);
         let range = by_columns(&finer, &volume.samples, |column, below, _| {
@@ -90,6 +90,72 @@ fn intensities_are_those_of_the_reference() {
     }
 }
 
+/// Returns the bilinear sample at a point of a slice, as the sum of four products; beyond the edge it is that of the edge.
+fn sample(finer: &FinerSlices, values: &[f64], slice: usize, at: [f64; 2]) -> f64 {
+    let size = finer.coarse_size;
+    let across: Vec<usize> = (0..3).filter(|&axis| axis != finer.axis).collect();
+    let mut sum = 0.0;
+    for corner in 0..4 {
+        let (mut share, mut voxel) = (1.0, [slice; 3]);
+        for k in 0..2 {
+            let last = size[across[k]] as f64 - 1.0;
+            let place = at[k].clamp(0.0, last);
+            let (low, far) = (place.floor(), corner >> k & 1);
+            share *= if far == 1 { place - low } else { 1.0 - (place - low) };
+            voxel[across[k]] = (low + f64::from(far)).min(last) as usize;
+        }
+        sum += share * values[index(size, voxel)];
+    }
+    sum
+}
+
+#[test]
+fn lines_are_followed_as_by_the_reference() {
+    for (axis, size) in [[6, 30, 26], [30, 5, 26], [30, 26, 5]].into_iter().enumerate() {
+        let mut volume = grid(size, axis, 4.0);
+        let across: Vec<usize> = (0..3).filter(|&k| k != axis).collect();
+        for i in 0..volume.len() {
+            let at = voxel(size, i);
+            let [x, y, z] = [at[across[0]], at[across[1]], at[axis]].map(|v| v as f64);
+            volume.samples[i] = (300.0 * (0.5 * (x - 2.0 * z)).sin() * (0.4 * (y + z)).cos()) as f32;
+        }
+        let finer = FinerSlices::of(size, &volume.world_from_voxel).expect("thick slices");
+        let along = Displacements::of(&finer, &volume);
+        let samples: Vec<f64> = volume.samples.iter().copied().map(f64::from).collect();
+        let fine = finer.volume(&volume, &along);
+        let mut moved = 0;
+        for (i, &found) in fine.samples.iter().enumerate() {
+            let at = voxel(fine.size, i);
+            let (below, t) =
+                (at[axis] / finer.factor, (at[axis] % finer.factor) as f64 / finer.factor as f64);
+            let pixel = [at[across[0]], at[across[1]]];
+            let by = along.at(below, pixel);
+            moved += usize::from(by != [0.0; 2]);
+            let on_line = |slice: usize| {
+                let up = slice as f64 - below as f64 - t;
+                let place = [0, 1].map(|k| pixel[k] as f64 + up * f64::from(by[k]));
+                sample(&finer, &samples, slice, place)
+            };
+            let line: Vec<f64> = (0..size[axis]).map(on_line).collect();
+            let wanted = if t == 0.0 {
+                samples[{
+                    let mut there = at;
+                    there[axis] = below;
+                    index(size, there)
+                }]
+            } else {
+                hermite(&line, below, t)
+            };
+            assert!((f64::from(found) - wanted).abs() < 1e-3, "{at:?} along {axis}: {found}, not {wanted}");
+            if t > 0.0 {
+                let (low, high) = (line[below].min(line[below + 1]), line[below].max(line[below + 1]));
+                assert!((low - 1e-3..=high + 1e-3).contains(&f64::from(found)), "{at:?}: {found}");
+            }
+        }
+        assert!(2 * moved > fine.len(), "{moved} of {}", fine.len());
+    }
+}
+
 #[test]
 fn slices_stay_as_they_are_and_where_they_are() {
     let mut random = Pcg64::seed_from_u64(8);
@@ -99,7 +165,10 @@ fn slices_stay_as_they_are_and_where_they_are() {
             volume.samples.iter_mut().for_each(|v| *v = random.random());
             let labels: Vec<u8> = (0..volume.len()).map(|_| random.random_range(0..4)).collect();
             let finer = FinerSlices::of(size, &volume.world_from_voxel).expect("thick slices");
-            let (fine, fine_labels) = (finer.volume(&volume), finer.labels(&labels));
+            let (fine, fine_labels) = (
+                finer.volume(&volume, &Displacements::none()),
+                finer.labels(&labels, &Displacements::none()),
+            );
             assert_eq!(fine.size[axis], (size[axis] - 1) * ratio.round() as usize + 1);
             for i in 0..volume.len() {
                 let here = voxel(size, i);
@@ -163,7 +232,9 @@ fn shapes_are_those_of_a_search() {
                 let own = labels[index(size, column[below])];
                 (depths, (t == 0.0).then_some(own))
             });
-            for (i, (found, (depths, own))) in finer.labels(&labels).into_iter().zip(wanted).enumerate() {
+            for (i, (found, (depths, own))) in
+                finer.labels(&labels, &Displacements::none()).into_iter().zip(wanted).enumerate()
+            {
                 if let Some(own) = own {
                     assert_eq!(found, own);
                     continue;
@@ -192,7 +263,7 @@ fn an_oblique_bar_stays_straight() {
     });
     let roi = Roi::new(mask.collect(), &volume).expect("a region");
     let finer = FinerSlices::of(size, &volume.world_from_voxel).expect("thick slices");
-    let fine = finer.roi(&roi, &finer.volume(&volume));
+    let fine = finer.roi(&roi, &finer.volume(&volume, &Displacements::none()), &Displacements::none());
     let size = finer.size();
     for z in 0..size[2] {
         let row = &fine.weight[index(size, [0, 2, z])..][..40];
@@ -211,8 +282,8 @@ fn soft_masks_are_linear_and_holes_stay_holes() {
     let weights = (0..16).map(|i| (i % 5) as f32 / 4.0).collect();
     let roi = Roi::new(weights, &volume).expect("a region");
     let finer = FinerSlices::of(volume.size, &volume.world_from_voxel).expect("thick slices");
-    let fine = finer.volume(&volume);
-    let soft = finer.roi(&roi, &fine);
+    let fine = finer.volume(&volume, &Displacements::none());
+    let soft = finer.roi(&roi, &fine, &Displacements::none());
     assert!(soft.soft);
     for i in 0..fine.len() {
         let [x, y, z] = voxel(fine.size, i);

@@ -133,7 +133,7 @@ pub fn prepare<'a>(
         labels: inputs
             .labels
             .clone()
-            .map(|labels| labels.with_slices(config.effective_between_slices()))
+            .map(|labels| labels.with_slices(config.effective_between_slices(), &case.volume))
             .transpose()?,
         field: problem.field(),
         problem,
