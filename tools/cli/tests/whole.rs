@@ -179,6 +179,62 @@ fn a_working_grid_is_fitted_and_judged_on_the_native_one() {
     assert!(record["working_grid"].is_null());
 }
 
+#[test]
+fn thick_slices_get_others_and_their_own_voxels_stay_right() {
+    let folder = Folder::new(28);
+    // Every third slice of the phantom, and of its mask, three times as thick.
+    for name in ["ct.nii.gz", "mask.nii.gz"] {
+        let all = Volume::read(folder.path(name), &ReadOptions::default()).expect("a volume");
+        let samples = all.samples.chunks(28 * 28).step_by(3).flatten().copied().collect();
+        let thick = DAffine3::from_scale(DVec3::new(1.0, 1.0, 3.0));
+        let thick = Volume::new([28, 28, 10], all.world_from_voxel * thick, samples);
+        nifti::write(&folder.path(name), &thick, true).expect("written");
+    }
+    let smooth = folder.run(&fit("a.ply", &["--json"])).json();
+    let linear = folder.run(&fit("b.ply", &["--json", "--between-slices", "linear"])).json();
+    let record =
+        |name: &str| -> serde_json::Value { serde_json::from_str(&folder.text(name)).expect("a record") };
+    let (a, b) = (record("a.run.json"), record("b.run.json"));
+    assert_eq!(
+        (&a["config"]["between_slices"], &b["config"]["between_slices"]),
+        (&"smooth".into(), &"linear".into())
+    );
+    assert_eq!(a["working_grid"]["volume"]["size"], serde_json::json!([28, 28, 28]));
+    assert!(b["working_grid"].is_null());
+    for key in ["splats", "roi_voxels", "range"] {
+        assert_eq!(smooth[key], linear[key], "{key} is that of the scan's own voxels");
+    }
+    let db = |result: &serde_json::Value| result["psnr_db"].as_f64().expect("a number");
+    assert!(db(&smooth) > db(&linear) - 3.0, "{} dB, and {} dB without", db(&smooth), db(&linear));
+    let info = folder.run(&["info", "a.ply", "--json"]).json();
+    assert_eq!(info["grid_size"], serde_json::json!([28, 28, 28]));
+    // The closing evaluation is that of eval, which tells by the splats what lies between slices.
+    let eval = |more: &[&str]| {
+        let eval = ["eval", "a.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--offsets", "2", "--json"];
+        folder.run(&[&eval[..], more].concat()).json()
+    };
+    let (own, straight) = (eval(&[]), eval(&["--between-slices", "linear"]));
+    assert_eq!(db(&own), db(&straight), "at the voxels");
+    let between = |result: &serde_json::Value| result["psnr_mean_offset_db"].as_f64().expect("a number");
+    assert!(between(&own) > between(&straight), "{own} {straight}");
+    // Pictures of the volume differ, and only one of two words is known.
+    for word in ["smooth", "linear"] {
+        let png = format!("{word}.png");
+        folder.run(&[
+            "render",
+            "--volume",
+            "ct.nii.gz",
+            "-o",
+            &png,
+            "--size",
+            "48x48",
+            "--between-slices",
+            word,
+        ]);
+    }
+    assert_ne!(std::fs::read(folder.path("smooth.png")).ok(), std::fs::read(folder.path("linear.png")).ok());
+}
+
 /// A label map in `labels.nii` with its names: the mask, whose left half (up to the middle of the grid) is 5 and whose
 /// right half is 200; 7 around a corner.
 fn write_labels(folder: &Folder, name: &str) {

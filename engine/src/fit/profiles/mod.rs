@@ -63,6 +63,7 @@ impl Profile {
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::volume::BetweenSlices;
 
     #[test]
     fn every_profile_is_a_configuration_that_can_work() {
@@ -70,6 +71,10 @@ mod tests {
         for profile in PROFILES {
             let config = profile.config().unwrap_or_else(|e| panic!("{}: {e}", profile.name));
             config.check().unwrap_or_else(|e| panic!("{}: {e}", profile.name));
+        }
+        for name in ["paper", "reference"] {
+            let config = Profile::named(name).and_then(Profile::config).expect("a configuration");
+            assert_eq!(config.between_slices, BetweenSlices::Linear, "{name} knows no slices but the scan's");
         }
         assert!(Profile::named("papre").is_err_and(|e| e.help.contains("paper")));
     }
