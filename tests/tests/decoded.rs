@@ -416,8 +416,13 @@ fn pictures_are_those_of_the_reference() {
         ("decoded-hidden", samples(objects(150)), Look { objects: hidden.into(), ..look("CT-Bone", true) }),
     ] {
         let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
-        let settings =
-            Settings { step: 0.5, cell: Some(1.0), dark: 1e-4, classification: Some(Classification::Point), ..settings() };
+        let settings = Settings {
+            step: 0.5,
+            cell: Some(1.0),
+            dark: 1e-4,
+            classification: Some(Classification::Point),
+            ..settings()
+        };
         let row = mode("decoded").expect("a mode");
         let found = render(&gpu, row, &scene, &settings, &[camera(&scene)]);
         picture::check(name, &found[0], || {

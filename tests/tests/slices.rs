@@ -42,7 +42,7 @@ fn left_out(case: &str, mask: &str) -> Option<[Found; 2]> {
     let coarse_roi = Roi { size: coarse.size, weight: half(&roi.weight), soft: false };
     let finer = FinerSlices::of(coarse.size, &coarse.world_from_voxel).expect("thick slices");
     let along = Displacements::of(&finer, &coarse);
-    let fine = finer.volume(&coarse, &along);
+    let fine = finer.volume(&coarse, None, &along);
     let fine_roi = finer.roi(&coarse_roi, &fine, &along);
     // A slice half-way has one of the finer grid where the factor is even.
     assert_eq!(finer.factor() % 2, 0, "{}", finer.factor());

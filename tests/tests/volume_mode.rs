@@ -529,8 +529,9 @@ fn wrong_settings_and_volumes_are_refused() {
     }
     for cell in [0.0, -1.0, 2.5, f64::NAN, f64::INFINITY] {
         let row = mode("volume").expect("the mode");
-        let error =
-            Renderer::new(&gpu, row, &scene, &Settings { cell: Some(cell), ..settings() }).err().expect("an error");
+        let error = Renderer::new(&gpu, row, &scene, &Settings { cell: Some(cell), ..settings() })
+            .err()
+            .expect("an error");
         assert_eq!((error.kind, error.code), (Kind::Usage, "VGS-RENDER-030"), "{cell}");
     }
     let flat = Volume { world_from_voxel: DAffine3::from_scale(DVec3::new(1.0, 1.0, 0.0)), ..volume.clone() };

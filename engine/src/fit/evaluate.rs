@@ -230,7 +230,7 @@ pub fn with_slices(
     finer.require_memory()?;
     let at_voxels = measure(volume, roi, &Protocol { offsets: Vec::new(), ..protocol.clone() })?;
     let along = Displacements::of(&finer, volume);
-    let fine = finer.volume(volume, &along);
+    let fine = finer.volume(volume, Some(roi), &along);
     let between = measure(&fine, &finer.roi(roi, &fine, &along), protocol)?.between;
     Ok(Evaluation { between, ..at_voxels })
 }

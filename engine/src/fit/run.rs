@@ -122,7 +122,7 @@ impl<'a> Problem<'a> {
             finer.require_memory()?;
             let volume_crc32 = OnceLock::from(volume.crc32());
             let along = Displacements::of(&finer, volume);
-            let fine = finer.volume(volume, &along);
+            let fine = finer.volume(volume, Some(roi), &along);
             let roi = Cow::Owned(finer.roi(roi, &fine, &along));
             let (volume, config) = (Cow::Owned(fine), config.clone());
             return Ok(Problem { volume, roi, config, native_voxels, volume_crc32 });

@@ -63,7 +63,13 @@ impl VoxelGradients {
     }
 
     /// Records the making of all gradients for a v₀, as a fraction.
-    pub fn record(&mut self, gpu: &Gpu, recorder: &mut Recorder, of: &GradientSource<'_>, dark: f32) -> Result<()> {
+    pub fn record(
+        &mut self,
+        gpu: &Gpu,
+        recorder: &mut Recorder,
+        of: &GradientSource<'_>,
+        dark: f32,
+    ) -> Result<()> {
         let masked = of.medium.format() == Format::Rg16;
         let objects = if of.objects { glsl::medium::TINTS } else { 0 };
         let constants = [u32::from(masked), u32::from(of.is_atlas), objects];

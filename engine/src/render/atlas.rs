@@ -6,8 +6,8 @@ use rayon::prelude::*;
 use shaders_glsl::medium as glsl;
 
 use super::decoded::{Decoded, place_of};
-use crate::passes::voxel_gradients::NOWHERE;
 use crate::error::{Error, Kind, Result};
+use crate::passes::voxel_gradients::NOWHERE;
 use crate::volume::bricks::{BRICK, NO_SLOT};
 
 /// Texels of a brick in the atlas along each axis: its own voxels and an apron of one voxel behind them.

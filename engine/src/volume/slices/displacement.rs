@@ -262,7 +262,7 @@ mod tests {
         let (volume, finer) = thick(size, |voxel| at(voxel.map(|v| v as f64)));
         let along = Displacements::of(&finer, &volume);
         let error = |along: &Displacements| {
-            let fine = finer.volume(&volume, along);
+            let fine = finer.volume(&volume, None, along);
             let mut squares = 0.0;
             for z in 4..13 {
                 for (x, y) in (12..40).flat_map(|y| (12..48).map(move |x| (x, y))) {

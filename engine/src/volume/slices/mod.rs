@@ -38,6 +38,8 @@ const MOST_TIMES: usize = 8;
 const MOST_SLICES: usize = 2048;
 /// ... and most voxels. Both are numbers and not what memory there is, so that a fit is the same on every machine.
 const MOST_VOXELS: usize = 1 << 29;
+/// Pixels beside a region, in its slice, that still count as near it: as far as fits look around it, and more.
+const MARGIN: usize = 8;
 /// Greatest distance that counts, in slices: what lies deeper ends no farther from its last slice, so that the tip of
 /// one rib does not depend on how far the next rib is.
 const REACH: f64 = 1.5;
@@ -80,7 +82,7 @@ impl BetweenSlices {
             return plain;
         }
         let along = Displacements::of(&finer, volume);
-        let fine = finer.volume(volume, &along);
+        let fine = finer.volume(volume, roi, &along);
         let roi = roi.map(|roi| Cow::Owned(finer.roi(roi, &fine, &along)));
         (Cow::Owned(fine), roi)
     }
@@ -152,13 +154,20 @@ impl FinerSlices {
             .map_err(|error| error.help("leave them out: --between-slices linear"))
     }
 
-    /// Returns the volume with more slices. A voxel between two of which one is not finite is NaN.
+    /// Returns the volume with more slices. A voxel between two of which one is not finite is NaN. Of a region only what
+    /// is near it is interpolated, by which a fit or a picture of it is the same; the rest has the values of the slice
+    /// below.
     ///
     /// # Panics
-    /// If the volume has another size.
-    pub fn volume(&self, volume: &Volume, along: &Displacements) -> Volume {
+    /// If the volume or the region has another size.
+    pub fn volume(&self, volume: &Volume, roi: Option<&Roi>, along: &Displacements) -> Volume {
         assert_eq!(volume.size, self.coarse_size, "a volume of the grid");
+        let near = roi.map(|roi| self.near_region(roi, along));
         let samples = self.fill(&volume.samples, |below, t, pixel| {
+            let is_near = |slice| near.as_ref().is_none_or(|near| near[self.index(slice, pixel)]);
+            if !is_near(below) && !is_near(below + 1) {
+                return volume.samples[self.index(below, pixel)];
+            }
             let near = |by| self.near(&volume.samples, below, t, pixel, by);
             let found = cubic(near(along.at(below, pixel)), t);
             // Beside a hole a line may lead into it where the column does not.
@@ -241,6 +250,28 @@ impl FinerSlices {
             }
         }
         out
+    }
+
+    /// Returns true for each voxel of the grid beside which, in its slice, there is something of a region.
+    fn near_region(&self, roi: &Roi, along: &Displacements) -> Vec<bool> {
+        assert_eq!(roi.size, self.coarse_size, "a region of the grid");
+        let mut near: Vec<bool> = roi.weight.par_iter().map(|&w| w > 0.0).collect();
+        for (k, axis) in self.across().into_iter().enumerate() {
+            let reach = 2 * along.most[k] + MARGIN;
+            let (stride, count) =
+                (self.coarse_size[..axis].iter().product::<usize>(), self.coarse_size[axis]);
+            near.par_chunks_mut(stride * count).for_each(|lines| {
+                for first in 0..stride {
+                    let line: Vec<usize> = (0..count).filter(|i| lines[first + i * stride]).collect();
+                    for at in line {
+                        for i in at.saturating_sub(reach)..(at + reach + 1).min(count) {
+                            lines[first + i * stride] = true;
+                        }
+                    }
+                }
+            });
+        }
+        near
     }
 
     /// Returns the number of voxels from one slice to the next in memory. A *column* is a line of voxels along the

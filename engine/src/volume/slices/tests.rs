@@ -76,7 +76,7 @@ fn intensities_are_those_of_the_reference() {
         volume.samples.iter_mut().for_each(|v| *v = random.random_range(-1000.0..3000.0f32).round());
         let finer = FinerSlices::of(size, &volume.world_from_voxel).expect("thick slices");
         assert_eq!((finer.axis(), finer.factor()), (axis, 4));
-        let fine = finer.volume(&volume, &Displacements::none());
+        let fine = finer.volume(&volume, None, &Displacements::none());
         let samples: Vec<f64> = volume.samples.iter().copied().map(f64::from).collect();
         let wanted = by_columns(&finer, &samples, hermite);
         let range = by_columns(&finer, &volume.samples, |column, below, _| {
@@ -122,7 +122,7 @@ fn lines_are_followed_as_by_the_reference() {
         let finer = FinerSlices::of(size, &volume.world_from_voxel).expect("thick slices");
         let along = Displacements::of(&finer, &volume);
         let samples: Vec<f64> = volume.samples.iter().copied().map(f64::from).collect();
-        let fine = finer.volume(&volume, &along);
+        let fine = finer.volume(&volume, None, &along);
         let mut moved = 0;
         for (i, &found) in fine.samples.iter().enumerate() {
             let at = voxel(fine.size, i);
@@ -166,7 +166,7 @@ fn slices_stay_as_they_are_and_where_they_are() {
             let labels: Vec<u8> = (0..volume.len()).map(|_| random.random_range(0..4)).collect();
             let finer = FinerSlices::of(size, &volume.world_from_voxel).expect("thick slices");
             let (fine, fine_labels) = (
-                finer.volume(&volume, &Displacements::none()),
+                finer.volume(&volume, None, &Displacements::none()),
                 finer.labels(&labels, &Displacements::none()),
             );
             assert_eq!(fine.size[axis], (size[axis] - 1) * ratio.round() as usize + 1);
@@ -263,7 +263,7 @@ fn an_oblique_bar_stays_straight() {
     });
     let roi = Roi::new(mask.collect(), &volume).expect("a region");
     let finer = FinerSlices::of(size, &volume.world_from_voxel).expect("thick slices");
-    let fine = finer.roi(&roi, &finer.volume(&volume, &Displacements::none()), &Displacements::none());
+    let fine = finer.roi(&roi, &finer.volume(&volume, None, &Displacements::none()), &Displacements::none());
     let size = finer.size();
     for z in 0..size[2] {
         let row = &fine.weight[index(size, [0, 2, z])..][..40];
@@ -282,7 +282,7 @@ fn soft_masks_are_linear_and_holes_stay_holes() {
     let weights = (0..16).map(|i| (i % 5) as f32 / 4.0).collect();
     let roi = Roi::new(weights, &volume).expect("a region");
     let finer = FinerSlices::of(volume.size, &volume.world_from_voxel).expect("thick slices");
-    let fine = finer.volume(&volume, &Displacements::none());
+    let fine = finer.volume(&volume, None, &Displacements::none());
     let soft = finer.roi(&roi, &fine, &Displacements::none());
     assert!(soft.soft);
     for i in 0..fine.len() {
@@ -334,4 +334,26 @@ fn what_is_not_thick_is_shown_as_it_is() {
     let thick = grid([4, 5, 6], 2, 4.0);
     let (shown, region) = BetweenSlices::Smooth.shown(&thick, Some(&roi));
     assert_eq!((shown.size, region.map(|r| r.size)), ([4, 5, 21], Some([4, 5, 21])));
+}
+
+#[test]
+fn near_a_region_the_volume_is_that_without_one() {
+    let mut volume = grid([50, 46, 6], 2, 4.0);
+    let mut random = Pcg64::seed_from_u64(9);
+    volume.samples.iter_mut().for_each(|v| *v = random.random_range(-500.0..500.0));
+    let finer = FinerSlices::of(volume.size, &volume.world_from_voxel).expect("thick slices");
+    let along = Displacements::of(&finer, &volume);
+    let inside = |[x, y, z]: [usize; 3]| (20..24).contains(&x) && y == 21 && (2..4).contains(&z);
+    let weight = (0..volume.len()).map(|i| f32::from(u8::from(inside(voxel(volume.size, i))))).collect();
+    let roi = Roi::new(weight, &volume).expect("a region");
+    let [whole, near] = [None, Some(&roi)].map(|roi| finer.volume(&volume, roi, &along));
+    let (mut equal, mut other) = (0, 0);
+    for i in 0..whole.len() {
+        let [x, y, z] = voxel(whole.size, i);
+        let same = whole.samples[i] == near.samples[i];
+        let beside = (12..32).contains(&x) && (13..30).contains(&y) && (4..=16).contains(&z);
+        assert!(same || !beside, "{x}, {y}, {z}");
+        (equal, other) = (equal + usize::from(beside), other + usize::from(!same));
+    }
+    assert!(equal > 4000 && other > 4000, "{equal} beside it, {other} far away");
 }
