@@ -4,8 +4,8 @@ use engine::fit::evaluate::Sampler;
 use engine::reference::{splat_bounds, splat_to_volume};
 use engine::splat::activation::Activations;
 use engine::splat::{Kernel, Splat, SplatSet};
-use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
+use engine::volume::{BetweenSlices, Bricks};
 use glam::{DAffine3, DMat3, DVec3, IVec3, UVec3};
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
@@ -27,7 +27,9 @@ fn fitted(gpu: &Device, case: &Case) -> (Vec<Splat>, Vec<f64>, f32) {
 #[test]
 fn n12_and_n13_places_and_units() {
     let gpu = Device::boot();
-    let case = Case::phantom([28, 26, 30], 12);
+    let mut case = Case::phantom([28, 26, 30], 12);
+    // Slices of 10 mm would get others between them.
+    case.config.between_slices = BetweenSlices::Linear;
     let moved = |world_from_voxel| {
         let mut moved = case.clone();
         moved.volume.world_from_voxel = world_from_voxel;

@@ -7,6 +7,7 @@
 mod bins;
 mod deconvolution;
 mod hidden;
+mod occupancy;
 mod optimiser;
 mod quads;
 mod raymarch;
@@ -51,7 +52,8 @@ oracle! {
     deconvolution: deconvolve_points deconvolve_splats;
     hidden: hidden_parts;
     slab: mark_active limit_active list_active project_splats emit_tile_pairs slab;
-    raymarch: occupancy_mark occupancy_spread list_faces voxel_gradients raymarch;
+    occupancy: occupancy_mark occupancy_spread list_faces;
+    raymarch: voxel_gradients raymarch;
 }
 
 /// Records one pass, runs it and waits.

@@ -41,7 +41,8 @@ fn a_fit_in_their_layout_is_the_same_fit() {
     assert!((length as f64 / expected - 1.0).abs() < 0.02, "{length} and {expected}");
 
     // Their layout does not say on which grid the splats were fitted.
-    let region = ["ct.nii.gz", "--roi", "mask.nii.gz", "--offsets", "2", "--between-slices", "linear", "--json"];
+    let region =
+        ["ct.nii.gz", "--roi", "mask.nii.gz", "--offsets", "2", "--between-slices", "linear", "--json"];
     let eval = |name: &str| folder.run(&[&["eval", name][..], &region].concat()).json();
     for (a, b) in [("ours.ply", "theirs.ply"), ("ours.000012.ply", "theirs.000012.ply")] {
         let (a, b) = (eval(a), eval(b));

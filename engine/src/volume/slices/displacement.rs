@@ -8,7 +8,8 @@
 
 use rayon::prelude::*;
 
-use super::{FinerSlices, Volume};
+use super::grid::FinerSlices;
+use crate::volume::Volume;
 
 /// Greatest displacement from one slice to the next, in distances of slices: surfaces that lie flatter have steps.
 const MOST: f64 = 1.2;

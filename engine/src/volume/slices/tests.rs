@@ -1,4 +1,4 @@
-use glam::DMat3;
+use glam::{DAffine3, DMat3, DVec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 
@@ -189,7 +189,7 @@ fn slices_stay_as_they_are_and_where_they_are() {
 /// Signed distance by a search of all pixels of the slice, as the module's text has it.
 fn distance_by_search(finer: &FinerSlices, labels: &[u8], label: u8, at: [usize; 3]) -> f64 {
     let size = finer.coarse_size;
-    let spacing = spacing_of(&finer.coarse_affine);
+    let spacing = finer.spacing_mm();
     let reach = REACH * spacing[finer.axis];
     let own = labels[index(size, at)] == label;
     let others = (0..labels.len())
