@@ -188,7 +188,7 @@ fn thick_slices_get_others_and_their_own_voxels_stay_right() {
         let samples = all.samples.chunks(28 * 28).step_by(3).flatten().copied().collect();
         let thick = DAffine3::from_scale(DVec3::new(1.0, 1.0, 3.0));
         let thick = Volume::new([28, 28, 10], all.world_from_voxel * thick, samples);
-        nifti::write(&folder.path(name), &thick, true).expect("written");
+        nifti::write(folder.path(name), &thick, true).expect("written");
     }
     let smooth = folder.run(&fit("a.ply", &["--json"])).json();
     let linear = folder.run(&fit("b.ply", &["--json", "--between-slices", "linear"])).json();

@@ -569,7 +569,7 @@ mod tests {
             ("preset = \"CT-Skin\"", "preset = \"CT-Skni\"", "CT-Skni"),
             ("preset = \"CT-Skin\"", "", "\"skin\" needs a preset or a band"),
             ("band = 60.0", "band = 0.0", "width above 0"),
-            ("step = 0.25", "step = 0.0", "step = 0"),
+            ("step = 0.05", "step = 0.0", "step = 0"),
             ("classification = \"point\"", "classification = \"linear\"", "linear"),
             ("size = 1024", "size = 4", "size = 4"),
             ("transfers = [\"steep bone\"]", "transfers = []", "transfers is empty"),

@@ -113,7 +113,7 @@ mod tests {
             row(Choice::best(SplatKind::Grid), 0.5, 45.0),
             row(Choice::of_grid(), 0.3, 40.0),
             // Finer than the best level.
-            row(Choice { step: 0.25, resolution: 0.5, ..Choice::of_grid() }, 0.2, 39.0),
+            row(Choice { step: 0.1, resolution: 0.5, ..Choice::of_grid() }, 0.2, 39.0),
         ];
         let costs = |kind| levels_of(kind, &rows).iter().map(|r| r.cost).collect::<Vec<_>>();
         assert_eq!(costs(SplatKind::Field), [1.0, 0.7, 0.4, 0.2]);
@@ -122,7 +122,7 @@ mod tests {
         let read: toml::Table = toml(&rows, "a device").parse().expect("TOML");
         assert_eq!(read["field"].as_array().map(Vec::len), Some(4));
         assert_eq!(read["field"][1]["coarseness"].as_float(), Some(2.0));
-        assert_eq!(read["grid"][0]["coarseness"].as_float(), Some(0.5));
+        assert_eq!(read["grid"][0]["coarseness"].as_float(), Some(0.25));
         assert_eq!(read["grid"][1]["cost"].as_float(), Some(0.6));
         assert!(levels_of(SplatKind::Field, &rows[2..]).is_empty(), "no levels without the first");
     }
