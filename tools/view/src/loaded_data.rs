@@ -310,12 +310,11 @@ impl LoadedData {
     pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &ViewState) -> Result<Option<Scene>> {
         let look = self.look(subject, state)?;
         let splats = self.set(subject);
-        let volume = self.volume.as_ref().filter(|_| subject == Subject::Volume);
-        let mut scene = match volume {
-            Some(shown) => shown.with_slices(|source| Scene::new(gpu, splats, Some(source), &look))?,
-            None if splats.is_none() => return Ok(None),
-            None => Scene::new(gpu, splats, None, &look)?,
-        };
+        let volume = self.volume.as_ref().filter(|_| subject == Subject::Volume).map(|shown| shown.source());
+        if splats.is_none() && volume.is_none() {
+            return Ok(None);
+        }
+        let mut scene = Scene::new(gpu, splats, volume.as_ref(), &look)?;
         set_budget(&mut scene, state)?;
         Ok(Some(scene))
     }

@@ -1,8 +1,9 @@
 //! Reads files beside the window: splats, the volume and its region, and what is computed from them.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
-use std::sync::Arc;
 use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::{Arc, OnceLock};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
@@ -35,18 +36,24 @@ pub struct LoadedVolume {
     pub labels: Option<Labels>,
     /// The DICOM series that it is, as a session names it: by its UID, if one was asked for.
     pub series: Option<String>,
+    /// Volume and region with what lies between their slices, if these are thick.
+    finer: OnceLock<Option<(Volume, Option<Roi>)>>,
 }
 
 impl LoadedVolume {
-    /// Returns the volume as a scene takes it.
+    /// Returns the volume as a scene takes it, with what lies between its slices if they are thick. That takes seconds, so
+    /// the loader's thread asks first.
     pub fn source(&self) -> VolumeSource<'_> {
-        VolumeSource { volume: &self.volume, roi: self.roi.as_ref() }
-    }
-
-    /// Tells `show` the volume as the window shows it, with what lies between its slices if they are thick.
-    pub fn with_slices<T>(&self, show: impl FnOnce(&VolumeSource<'_>) -> T) -> T {
-        let (volume, roi) = BetweenSlices::default().shown(&self.volume, self.roi.as_ref());
-        show(&VolumeSource { volume: &volume, roi: roi.as_deref() })
+        let finer = self.finer.get_or_init(|| {
+            match BetweenSlices::default().shown(&self.volume, self.roi.as_ref()) {
+                (Cow::Owned(volume), roi) => Some((volume, roi.map(Cow::into_owned))),
+                (Cow::Borrowed(_), _) => None,
+            }
+        });
+        match finer {
+            Some((volume, roi)) => VolumeSource { volume, roi: roi.as_ref() },
+            None => VolumeSource { volume: &self.volume, roi: self.roi.as_ref() },
+        }
     }
 }
 
@@ -396,7 +403,11 @@ impl Teller {
             Err(error) if error.code == SEVERAL_SERIES => {
                 Ok(Err(dicom::series(path, &ReadOptions::default())?))
             }
-            read => Ok(Ok(Arc::new(read?))),
+            read => {
+                let shown = Arc::new(read?);
+                shown.source();
+                Ok(Ok(shown))
+            }
         };
         let shown = match self.reading(what, Subject::Volume, read) {
             None => return,
@@ -452,7 +463,7 @@ pub fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Re
         }
     };
     let size = roi.as_ref().map(|roi| RegionSize::of(roi, &volume));
-    Ok(LoadedVolume { volume, roi, size, labels, series })
+    Ok(LoadedVolume { volume, roi, size, labels, series, finer: OnceLock::new() })
 }
 
 fn read_mask(
