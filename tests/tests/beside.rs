@@ -17,7 +17,6 @@ use view::deletions::{Bounds, Deletion, Target};
 use view::fit_plan::{FitStatus, Stage};
 use view::fitting::{FitOrder, Fitting, News};
 use view::loader::{LoadedSplats, LoadedVolume};
-use view::region::RegionSize;
 use view::state::ViewState;
 
 const PATIENCE: Duration = Duration::from_secs(120);
@@ -36,9 +35,7 @@ struct Beside {
 impl Beside {
     fn start(case: &Case, roi: Option<Roi>, labels: Option<Labels>, gpu: GpuOptions) -> Self {
         let messages = gpu.messages.clone();
-        let volume = Arc::new(case.volume.clone());
-        let size = roi.as_ref().map(|roi| RegionSize::of(roi, &volume));
-        let volume = Arc::new(LoadedVolume { volume, roi, size, labels, series: None });
+        let volume = Arc::new(LoadedVolume::new(Arc::new(case.volume.clone()), roi, labels, None));
         let order = FitOrder { volume, config: case.config.clone(), gpu: with_validation(gpu) };
         let (sender, woken) = channel();
         // Nobody listens any more while the fit is dropped.

@@ -41,6 +41,17 @@ pub struct LoadedVolume {
 }
 
 impl LoadedVolume {
+    /// Creates what is shown of a volume: a region of it with its labels, and the key of its series.
+    pub fn new(
+        volume: Arc<Volume>,
+        roi: Option<Roi>,
+        labels: Option<Labels>,
+        series: Option<String>,
+    ) -> Self {
+        let size = roi.as_ref().map(|roi| RegionSize::of(roi, &volume));
+        LoadedVolume { volume, roi, size, labels, series, finer: OnceLock::new() }
+    }
+
     /// Returns the volume as a scene takes it, with what lies between its slices if they are thick. That takes seconds, so
     /// the loader's thread asks first.
     pub fn source(&self) -> VolumeSource<'_> {
@@ -462,8 +473,7 @@ pub fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Re
             (Some(roi), labels)
         }
     };
-    let size = roi.as_ref().map(|roi| RegionSize::of(roi, &volume));
-    Ok(LoadedVolume { volume, roi, size, labels, series, finer: OnceLock::new() })
+    Ok(LoadedVolume::new(volume, roi, labels, series))
 }
 
 fn read_mask(
