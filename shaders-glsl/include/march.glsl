@@ -24,7 +24,7 @@ layout(constant_id = 6) const uint HIDDEN = 0;   // 1: what no eye sees stays tr
 layout(constant_id = 7) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
 layout(constant_id = 8) const uint OCCLUDED = 0; // 1: less light where much around is opaque; with SHADED
 layout(constant_id = 9) const uint GRADED = 0;   // 1: the opacity depends on the gradient magnitude, too
-layout(constant_id = 10) const uint KEPT = 0;    // 1: gradients are kept for the voxels; always with OBJECTS
+layout(constant_id = 10) const uint KEPT = 0;    // 1: gradients are kept for the voxels
 layout(push_constant, scalar) uniform RaymarchParams {
     BrickGrid grid;
     vec4 voxel_from_scene[3];
@@ -42,7 +42,7 @@ layout(scalar, binding = 8) readonly buffer Distances { uint distances[]; };
 layout(scalar, binding = 10) readonly buffer GradientFactors { float gradient_factors[]; };
 // For each entry of the scene's function the number of entries before it at which a function shows something.
 layout(scalar, binding = 11) readonly buffer Visible { uint visible_before[]; };
-// Where they are kept: of each voxel twice the gradient of O (V - dark) in voxel space, and what opacities leave of O.
+// Where they are kept: of each voxel twice the gradient of O (V - dark) in voxel space.
 layout(binding = 12) uniform sampler3D gradients;
 
 // What a ray brings back.
@@ -68,23 +68,11 @@ const float CLOSED = 0.5;
 // Opacity of a cell from which on it is seen from before alone.
 const float HIDING = 0.5;
 
-// What is at a place.
-struct Sample {
-    float v;
-    float o;     // what opacities leave of it
-    vec3 slopes; // twice the gradient of O (V - dark) in voxel space; with OBJECTS, else slopes_at has it
-};
-
-Sample sample_at(vec3 at) {
-    vec3 place = image_place(p.grid, at);
-    vec2 found = medium_at(p.grid, at, place);
-    Sample here = Sample(p.first + p.span * found.x, found.y, vec3(0.0));
-    if (OBJECTS != 0) {
-        vec4 kept = textureLod(gradients, place, 0.0);
-        here.o = kept.w;
-        here.slopes = kept.xyz;
-    }
-    return here;
+// V and what opacities leave of O at a place.
+vec2 field_at(vec3 at) {
+    vec2 found = medium_at(p.grid, at, image_place(p.grid, at));
+    if (OBJECTS != 0) found.y = shown_at(p.grid, at, found.y);
+    return vec2(p.first + p.span * found.x, found.y);
 }
 
 // The factor of the opacity that a function makes of a gradient magnitude, straight from entry to entry of its table.
@@ -128,19 +116,19 @@ vec4 objects_shown(vec3 at, vec2 way, float magnitude, float shown) {
 // Whether a cell between these V and O can show something: a function does at an intensity between them, or a little
 // beyond, since V may go farther between the ends: by the slack or, where it turns after it has changed much from `past`
 // on, the start of the cell before, by that less half of what it changes here.
-bool could_show(float past, Sample start, Sample end) {
-    float rise = start.v - past, half_change = 0.5 * abs(end.v - start.v);
-    vec2 ends = vec2(min(start.v, end.v) - max(p.slack, -rise - half_change),
-        max(start.v, end.v) + max(p.slack, rise - half_change));
+bool could_show(float past, vec2 start, vec2 end) {
+    float rise = start.x - past, half_change = 0.5 * abs(end.x - start.x);
+    vec2 ends = vec2(min(start.x, end.x) - max(p.slack, -rise - half_change),
+        max(start.x, end.x) + max(p.slack, rise - half_change));
     vec2 at = (ends - look_rows[0].first) * look_rows[0].inverse_step;
     vec2 entry = clamp(vec2(floor(at.x), ceil(at.y)), 0.0, look_rows[0].last);
-    return max(start.o, end.o) > 0.0 && visible_before[uint(entry.y) + 1] > visible_before[uint(entry.x)];
+    return max(start.y, end.y) > 0.0 && visible_before[uint(entry.y) + 1] > visible_before[uint(entry.x)];
 }
 
 // O (V - dark)
 float excess(vec3 at) {
-    Sample here = sample_at(at);
-    return here.o * (here.v - look_rows[0].dark);
+    vec2 here = field_at(at);
+    return here.y * (here.x - look_rows[0].dark);
 }
 
 // Twice the gradient of O (V - dark) in voxel space, by central differences over a voxel on each side: those of the
@@ -279,8 +267,7 @@ Gathered march(vec2 place, uint view, bool wanted) {
     if (OCCLUDED == 1) from_voxel = scene_from_voxel();
     bool ends_known = p.parts > 1u || SEGMENTS == 1; // cells of one part are sampled there alone
     float share_of_part = 1.0 / float(p.parts);
-    const Sample unknown = Sample(0.0, -1.0, vec3(0.0)); // O < 0
-    Sample start = unknown; // of the cell
+    vec2 start = vec2(0.0, -1.0); // V and O at the start of the cell; O < 0: not known
     float past = 0.0; // V at the start of the cell before
     while (k <= last && subgroupAny(open)) {
         if (COUNTING == 1) work.x += 1;
@@ -308,72 +295,70 @@ Gathered march(vec2 place, uint view, bool wanted) {
         // Not `continue`: with it a CPU driver masks all that follows.
         if (leap) {
             k = until;
-            start = unknown;
+            start.y = -1.0;
         } else {
             bool cut = there && shown;
-            Sample end = unknown;
+            vec2 end = vec2(0.0, -1.0);
             if (ends_known) {
                 // After a leap, or where the ray enters.
-                bool begins = there && start.o < 0.0;
+                bool begins = there && start.y < 0.0;
                 if (subgroupAny(begins)) {
                     if (COUNTING == 1) work.y += 2;
-                    Sample found = sample_at(origin + from * direction);
-                    Sample earlier = sample_at(origin + max((k - 1.0 + shift) * dz, range.x) * direction);
+                    vec2 found = field_at(origin + from * direction);
+                    vec2 earlier = field_at(origin + max((k - 1.0 + shift) * dz, range.x) * direction);
                     if (begins) {
                         start = found;
-                        past = earlier.v;
+                        past = earlier.x;
                     }
                 }
                 if (COUNTING == 1) work.y += 1;
-                end = sample_at(origin + to * direction);
+                end = field_at(origin + to * direction);
                 cut = cut && could_show(past, start, end);
             }
             uint rounds = subgroupAny(cut) ? p.parts : 0u;
             float part = (to - from) * share_of_part;
-            Sample before = start;
+            vec2 before = start;
             for (uint i = 0; i < rounds; ++i) {
                 bool wanted = open && cut;
                 float z = from + (float(i) + 0.5) * part;
                 if (SEGMENTS == 1) z = from + float(i + 1u) * part;
                 vec3 at = origin + z * direction;
-                Sample here = end;
+                vec2 here = end;
                 bool sampled = i + 1u < p.parts; // the last one is told by the end of the cell
                 if (SEGMENTS == 0) sampled = true;
                 if (sampled) {
                     if (COUNTING == 1) work.y += 1;
-                    here = sample_at(at);
+                    here = field_at(at);
                 }
                 // Opacity per mm, and of what is there: a function of an object has been asked for both together.
                 vec4 got = vec4(0.0);
-                float occupancy = here.o;
-                float from_v = here.v;
+                float occupancy = here.y;
+                float from_v = here.x;
                 if (SEGMENTS == 1) {
-                    from_v = before.v;
-                    occupancy = 0.5 * (before.o + here.o);
+                    from_v = before.x;
+                    occupancy = 0.5 * (before.y + here.y);
                     before = here;
                 }
                 if (OBJECTS != OWN_FUNCTIONS) {
-                    if (SEGMENTS == 1) got = look_segment(0u, from_v, here.v);
-                    else got = look_point(0u, here.v);
+                    if (SEGMENTS == 1) got = look_segment(0u, from_v, here.x);
+                    else got = look_point(0u, here.x);
                 }
                 // Whether something is there, but for the gradient.
                 float there_is = got.a * occupancy;
-                if (OBJECTS == OWN_FUNCTIONS) there_is = here.o;
+                if (OBJECTS == OWN_FUNCTIONS) there_is = here.y;
                 bool asks = wanted && there_is > 0.0;
-                vec3 slopes = here.slopes;
+                vec3 slopes = vec3(0.0);
                 float magnitude = 0.0;
                 if (GRADED == 1) {
                     if (subgroupAny(asks)) {
-                        if (OBJECTS == 0) {
-                            if (COUNTING == 1) work.z += 1;
-                            slopes = slopes_at(at);
-                        }
+                        if (COUNTING == 1) work.z += 1;
+                        slopes = slopes_at(at);
                         magnitude = magnitude_of(slopes);
                         if (OBJECTS != OWN_FUNCTIONS) occupancy *= gradient_factor(0u, magnitude);
                     }
                 }
                 if (OBJECTS == OWN_FUNCTIONS) {
-                    if (subgroupAny(asks)) got = objects_shown(at, vec2(from_v, here.v), magnitude, here.o);
+                    if (subgroupAny(asks)) got = objects_shown(at, vec2(from_v, here.x), magnitude, here.y);
                 }
                 float path = part * len;
                 float opacity = OBJECTS == OWN_FUNCTIONS
@@ -391,8 +376,7 @@ Gathered march(vec2 place, uint view, bool wanted) {
                         anew = share > STRONG || anew && even;
                     }
                     if (subgroupAny(anew)) {
-                        // They are there if the opacity needed them, or if objects do.
-                        if (GRADED + OBJECTS == 0) {
+                        if (GRADED == 0) {
                             if (COUNTING == 1) work.z += 1;
                             slopes = slopes_at(at);
                         }
@@ -417,9 +401,8 @@ Gathered march(vec2 place, uint view, bool wanted) {
                 clear -= share;
                 open = open && clear > p.dark;
             }
-            past = start.v;
-            if (there) start = end;
-            else start = unknown;
+            past = start.x;
+            start = there ? end : vec2(0.0, -1.0);
             k += 1.0;
         }
     }

@@ -8,8 +8,7 @@
 // all that is in the cell from this voxel to the next ones has that label: within an object, and wherever it borders on
 // nothing, a place has what eight voxels would tell it after one look.
 //
-// An image of the same shape may hold, for each voxel, the gradient of O (V - dark) and what opacities leave of O
-// (voxel_gradients.comp). Central differences of trilinear interpolation are the trilinear interpolation of central
+// An image of the same shape may hold the gradient of O (V - dark) for each voxel (voxel_gradients.comp). Central differences of trilinear interpolation are the trilinear interpolation of central
 // differences, so one look has what six would find.
 #ifndef MEDIUM_GLSL
 #define MEDIUM_GLSL
@@ -92,6 +91,23 @@ Voxel voxel_at(ivec3 low, vec3 part, uint corner) {
     return Voxel(object_called(labels_at(texel).x), o);
 }
 
+// What the opacities of objects leave of O, here all of it `o`, at a place of the grid: the sum over the voxels around.
+float shown_at(BrickGrid g, vec3 at, float o) {
+    vec3 place = atlas_place(g, at);
+    ivec3 low = ivec3(place);
+    vec2 label = labels_at(low);
+    bool alone = label.y > 0.5;
+    float shown = shown_of(object_called(label.x), o);
+    if (!alone) shown = 0.0;
+    // A loop, since a CPU driver goes through both sides of an `if`.
+    uint corners = alone ? 0u : 8u;
+    for (uint corner = 0; corner < corners; ++corner) {
+        Voxel voxel = voxel_at(low, place - vec3(low), corner);
+        shown += shown_of(voxel.object, voxel.o);
+    }
+    return shown;
+}
+
 // The mean tint of the objects at a place of the grid, weighted by O: as splats mix theirs by their weights.
 vec4 tint_at(BrickGrid g, vec3 at) {
     vec3 place = atlas_place(g, at);
@@ -100,7 +116,6 @@ vec4 tint_at(BrickGrid g, vec3 at) {
     bool alone = label.y > 0.5;
     float whole = 0.0;
     vec4 tint = vec4(0.0);
-    // A loop, since a CPU driver goes through both sides of an `if`.
     uint corners = alone ? 0u : 8u;
     for (uint corner = 0; corner < corners; ++corner) {
         Voxel voxel = voxel_at(low, place - vec3(low), corner);

@@ -1,7 +1,7 @@
 #version 460
 // For each voxel of a volume or an atlas twice the gradient of O (V - dark) in voxel space, by central differences over a
-// voxel on each side, and what opacities leave of O. V counts as a fraction, and gradients by `unit`, so that
-// they fit 16-bit floats whatever the intensities are.
+// voxel on each side, O as far as the opacities of objects leave it. V counts as a fraction, and gradients by `unit`, so
+// that they fit 16-bit floats whatever the intensities are.
 //
 // One workgroup owns a brick: of an atlas one of its own with its apron, of a dense image 8^3 voxels.
 #define MEDIUM_BINDING 2
@@ -22,8 +22,8 @@ const int SHARED = 11;
 
 shared float excess[SHARED * SHARED * SHARED];
 
-// O (V - dark) of a voxel, and what opacities leave of O.
-vec2 voxel_excess(ivec3 voxel) {
+// O (V - dark) of a voxel.
+float voxel_excess(ivec3 voxel) {
     ivec3 texel = voxel;
     if (ATLAS == 1) texel = ivec3(atlas_place(p.grid, vec3(voxel)));
     else texel = clamp(voxel, ivec3(0), ivec3(p.grid.texels) - 1);
@@ -31,7 +31,7 @@ vec2 voxel_excess(ivec3 voxel) {
     float o = found.y;
     if (MASKED == 0) o = texel == voxel ? 1.0 : 0.0;
     if (OBJECTS != 0) o = shown_of(object_called(labels_at(texel).x), o);
-    return vec2(o * (found.x - p.dark), o);
+    return o * (found.x - p.dark);
 }
 
 ivec3 cube_place(uint i, uint edge) {
@@ -53,7 +53,7 @@ void main() {
     }
     uint wide = edge + 2;
     for (uint i = gl_LocalInvocationIndex; i < wide * wide * wide; i += gl_WorkGroupSize.x) {
-        excess[i] = voxel_excess(voxel - 1 + cube_place(i, wide)).x;
+        excess[i] = voxel_excess(voxel - 1 + cube_place(i, wide));
     }
     barrier();
     for (uint i = gl_LocalInvocationIndex; i < edge * edge * edge; i += gl_WorkGroupSize.x) {
@@ -66,6 +66,6 @@ void main() {
         for (int axis = 0; axis < 3; ++axis) {
             slopes[axis] = excess[centre + stride[axis]] - excess[centre - stride[axis]];
         }
-        imageStore(gradients, ivec3(texel) + place, vec4(p.unit * slopes, voxel_excess(voxel + place).y));
+        imageStore(gradients, ivec3(texel) + place, vec4(p.unit * slopes, 0.0));
     }
 }

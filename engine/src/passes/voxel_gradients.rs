@@ -35,8 +35,8 @@ pub struct GradientSource<'a> {
     pub objects: bool,
 }
 
-/// The gradients: of each voxel [`VoxelGradients::unit`] × ∂(O (V − v₀)) over two voxels along x, y and z, V as a fraction,
-/// and O as far as the opacities of objects leave it; four halves.
+/// The gradients: of each voxel [`VoxelGradients::unit`] × ∂(O (V − v₀)) over two voxels along x, y and z, V as a fraction and O
+/// as far as the opacities of objects leave it; halves, of which one is free.
 pub struct VoxelGradients {
     /// The image, in the shape of that of the medium.
     pub image: Image,

@@ -35,8 +35,8 @@ pub struct Medium {
     objects: Option<Vec<Appearance>>,
     /// Transfer function of each voxel: 0 is that of the look, k + 1 its k-th own function of an object.
     functions: Option<Vec<usize>>,
-    /// Twice the gradient of O (V − v₀) at each voxel, in voxel space, and what opacities leave of O, if they are kept.
-    gradients: Option<Vec<(DVec3, f64)>>,
+    /// Twice the gradient of O (V − v₀) at each voxel, in voxel space, if they are kept.
+    gradients: Option<Vec<DVec3>>,
     /// True if a point whose low corner is in this block of 4³ voxels may see an occupancy; blocks start at
     /// voxel -1.
     blocks: Vec<bool>,
@@ -86,12 +86,11 @@ impl Medium {
         self
     }
 
-    /// Adds what is taken for twice the gradients of O (V − v₀) at the voxels and for what opacities leave of O:
-    /// [`Medium::voxel_gradients`] and [`Medium::shown_at`], rounded.
+    /// Adds what is taken for twice the gradients of O (V − v₀) at the voxels: [`Medium::voxel_gradients`], rounded.
     ///
     /// # Panics
     /// If there is not one for each voxel.
-    pub fn with_gradients(mut self, gradients: Vec<(DVec3, f64)>) -> Self {
+    pub fn with_gradients(mut self, gradients: Vec<DVec3>) -> Self {
         assert_eq!(gradients.len(), self.values.len(), "one gradient for every voxel");
         self.gradients = Some(gradients);
         self
@@ -100,8 +99,7 @@ impl Medium {
     /// Adds the gradients at the voxels, as they are.
     pub fn with_own_gradients(self, dark: f64) -> Self {
         let gradients = self.voxel_gradients(dark);
-        let kept = gradients.into_iter().enumerate().map(|(i, slopes)| (slopes, self.shown_at(i))).collect();
-        self.with_gradients(kept)
+        self.with_gradients(gradients)
     }
 
     /// Returns for each voxel the difference of O (V − dark), by what opacities leave of O, between its neighbours along
@@ -125,7 +123,7 @@ impl Medium {
     }
 
     /// Returns what opacities leave of O at a voxel.
-    pub fn shown_at(&self, index: usize) -> f64 {
+    fn shown_at(&self, index: usize) -> f64 {
         let o = self.mask.as_ref().map_or(1.0, |mask| f64::from(mask[index]));
         o * self.objects.as_ref().map_or(1.0, |objects| objects[index].opacity)
     }
@@ -181,10 +179,7 @@ impl Medium {
             let o = share * f64::from(mask[index]);
             let object = self.objects.as_ref().map_or_else(Appearance::default, |all| all[index]);
             whole += o;
-            shown += match (&self.gradients, &self.objects) {
-                (Some(kept), Some(_)) => share * kept[index].1,
-                _ => o * object.opacity,
-            };
+            shown += o * object.opacity;
             tint += object.tint * o;
         }
         (value, shown, if whole > 0.0 { tint / whole } else { DVec4::ZERO })
@@ -243,7 +238,7 @@ impl Medium {
     /// voxels, interpolated, if they are kept, or else those of what is interpolated.
     fn gradient(&self, voxel: DVec3, dark: f64) -> DVec3 {
         if let Some(kept) = &self.gradients {
-            let along = |axis: usize| 0.5 * trilinear(self.size, voxel, |i| kept[i].0[axis]);
+            let along = |axis: usize| 0.5 * trilinear(self.size, voxel, |i| kept[i][axis]);
             return DVec3::from_array([0, 1, 2].map(along));
         }
         let excess = |p: DVec3| {

@@ -362,7 +362,8 @@ impl GpuVolume {
     }
 
     /// Makes the gradients at the voxels for a look, unless they are there: eight bytes a voxel. Returns false if they are
-    /// not kept, because more than half of the free memory would go into them; with objects they are needed.
+    /// not kept, because more than half of the free memory would go into them. `objects` tells whether objects leave different
+    /// parts of their O.
     pub(super) fn keep_gradients(
         &self,
         gpu: &Gpu,
@@ -371,7 +372,7 @@ impl GpuVolume {
         look: &LookBuffers,
         objects: bool,
     ) -> Result<bool> {
-        if marked.no_room && !objects {
+        if marked.no_room {
             return Ok(false);
         }
         let (gradients, made_of) = match &mut marked.gradients {
@@ -379,7 +380,7 @@ impl GpuVolume {
             none => {
                 let texels: u64 = self.image.size().iter().map(|&n| u64::from(n)).product();
                 let bytes = texels * Format::Rgba16f.bytes() as u64;
-                if !objects && gpu.free_bytes().is_some_and(|free| 2 * bytes > free) {
+                if gpu.free_bytes().is_some_and(|free| 2 * bytes > free) {
                     tracing::info!("no memory for gradients at the voxels ({bytes} bytes): light is slower");
                     marked.no_room = true;
                     return Ok(false);

@@ -24,8 +24,9 @@ use crate::passes::{Faces, Views, Work, WorkgroupShape};
 const LEAST_STEP: f64 = 0.01;
 /// Greatest length of a cell that is cut, in voxels: an interval of a brick covers what is up to a voxel away.
 const LONGEST_CELL: f64 = 2.0;
-/// Least length of a cell, in voxels, where none is asked for: in a shorter one there is little to be found.
-const SHORTEST_CELL: f64 = 1.0;
+/// Lengths of a cell, in voxels, where none is asked for. In a shorter one there is little to be found; in a longer one
+/// single voxels are lost, which are two wide as they are interpolated.
+const USUAL_CELLS: [f64; 2] = [1.0, 1.5];
 /// Steps of a cell where no length is asked for.
 const USUAL_PARTS: f64 = 4.0;
 /// How far V is taken to go beyond its values at the ends of a cell, as a part of the range of the volume. Of a CT it is
@@ -107,8 +108,7 @@ impl Raymarch {
         Ok(mode)
     }
 
-    /// Returns how objects count in the look of the scene (`OBJECTS` of the shaders), and true if its picture needs gradients
-    /// or what opacities leave of O.
+    /// Returns how objects count in the look of the scene (`OBJECTS` of the shaders), and true if its picture needs gradients.
     fn needs(&self, scene: &Scene) -> (u32, bool) {
         let (volume, look) =
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
@@ -118,7 +118,7 @@ impl Raymarch {
             true if look.objects_differ || look.hides => glsl::medium::TINTS,
             _ => 0,
         };
-        (objects, objects != 0 || look.shaded || look.graded)
+        (objects, look.shaded || look.graded)
     }
 
     /// Returns the index of the kernel or drawing for the look of the scene at a quality; creates it if necessary. `kept`
@@ -206,7 +206,7 @@ impl Mode for Raymarch {
         self.image_bytes = bytes_of(volume.image()) + gradients;
         let size @ [width, height] = quality.size(self.settings.size);
         let step = self.settings.step * quality.coarseness;
-        let usual = (USUAL_PARTS * step).clamp(SHORTEST_CELL, LONGEST_CELL);
+        let usual = (USUAL_PARTS * step).clamp(USUAL_CELLS[0], USUAL_CELLS[1]);
         let cell = self.settings.cell.unwrap_or(usual).max(step);
         let params = RaymarchParams {
             grid: volume.grid(),

@@ -42,7 +42,7 @@ pub struct Settings {
     /// of the samples where something shows, in units of the shortest edge of its voxels.
     pub step: f64,
     /// For a volume or a decoded field, length of the cells of a ray in the same units, 0.01 to 2, or the step where
-    /// that is longer; `None` for four steps, at least 1 and at most 2. A cell is sampled at its ends and, only where
+    /// that is longer; `None` for four steps, at least 1 and at most 1.5. A cell is sampled at its ends and, only where
     /// something can show, at every step.
     pub cell: Option<f64>,
     /// Distance of the voxels that splats are decoded to in mode decoded, in voxels of the grid that they

@@ -13,8 +13,8 @@ fn no_kernel_spills_and_lit_slabs_have_eight_waves() {
     for needed in [
         "slab (GROUP = 64, SHADED)",
         "adam",
-        "raymarch (MASKED, SHADED, ATLAS)",
-        "raymarch (MASKED, SHADED, ATLAS, OCCLUDED, GRADED)",
+        "raymarch (MASKED, ATLAS, SHADED, KEPT)",
+        "raymarch (MASKED, ATLAS, SHADED, OCCLUDED, GRADED, KEPT)",
         "alpha (CORNERS = 6)",
     ] {
         assert!(names.iter().any(|name| name == needed), "{needed} is not among {names:?}");

@@ -37,7 +37,13 @@ pub struct LoadedVolume {
     /// The DICOM series that it is, as a session names it: by its UID, if one was asked for.
     pub series: Option<String>,
     /// Volume and region with what lies between their slices, if these are thick.
-    finer: OnceLock<Option<(Volume, Option<Roi>)>>,
+    finer: OnceLock<Option<Box<Finer>>>,
+}
+
+/// A volume and its region with what lies between their slices.
+struct Finer {
+    volume: Volume,
+    roi: Option<Roi>,
 }
 
 impl LoadedVolume {
@@ -57,12 +63,12 @@ impl LoadedVolume {
     pub fn source(&self) -> VolumeSource<'_> {
         let finer = self.finer.get_or_init(|| {
             match BetweenSlices::default().shown(&self.volume, self.roi.as_ref()) {
-                (Cow::Owned(volume), roi) => Some((volume, roi.map(Cow::into_owned))),
+                (Cow::Owned(volume), roi) => Some(Box::new(Finer { volume, roi: roi.map(Cow::into_owned) })),
                 (Cow::Borrowed(_), _) => None,
             }
         });
         match finer {
-            Some((volume, roi)) => VolumeSource { volume, roi: roi.as_ref() },
+            Some(finer) => VolumeSource { volume: &finer.volume, roi: finer.roi.as_ref() },
             None => VolumeSource { volume: &self.volume, roi: self.roi.as_ref() },
         }
     }

@@ -170,13 +170,13 @@ fn slices_stay_as_they_are_and_where_they_are() {
                 finer.labels(&labels, &Displacements::none()),
             );
             assert_eq!(fine.size[axis], (size[axis] - 1) * ratio.round() as usize + 1);
-            for i in 0..volume.len() {
+            for (i, &label) in labels.iter().enumerate() {
                 let here = voxel(size, i);
                 let mut there = here;
                 there[axis] *= finer.factor();
                 let at = index(fine.size, there);
                 assert_eq!(fine.samples[at].to_bits(), volume.samples[i].to_bits());
-                assert_eq!(fine_labels[at], labels[i]);
+                assert_eq!(fine_labels[at], label);
                 let world = |of: &Volume, at: [usize; 3]| {
                     of.world_from_voxel.transform_point3(DVec3::from_array(at.map(|v| v as f64)))
                 };

@@ -305,7 +305,7 @@ fn march() -> Stage {
     // The field comes from an atlas; places and light are counted apart, since not every round has them.
     let of = |constants: &[(&str, u32)]| {
         let constants = [&[("ATLAS", 1), ("MASKED", 1), ("KEPT", 1)], constants].concat();
-        Operations::of(&RAYMARCH, &constants, &["sample_at", "slopes_at", "look_lit"])
+        Operations::of(&RAYMARCH, &constants, &["field_at", "slopes_at", "look_lit"])
     };
     let [plain, lit, integrated] = [&[][..], &[("SHADED", 1)], &[("SEGMENTS", 1)]].map(of);
     let round = plain.at("main/k");
@@ -324,7 +324,7 @@ fn march() -> Stage {
                 integrated.at("main/k") - round,
                 0.0,
             ),
-            sampled("sample", |w, wide| w.by(wide).samples, plain.at("sample_at"), 1.0),
+            sampled("sample", |w, wide| w.by(wide).samples, plain.at("field_at"), 1.0),
             term(
                 "sample, lit",
                 |w, wide| only(w.lit, w.by(wide).samples),

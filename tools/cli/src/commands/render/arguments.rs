@@ -119,7 +119,7 @@ pub struct RenderArguments {
     /// shows; smaller is finer [default: 0.2 in modes volume and decoded, 0.5 in mode slab]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = values::step)]
     pub step: Option<f64>,
-    /// Steps where nothing shows, in modes volume and decoded, voxels, 0.01 to 2 [default: four of --step, but at least 1]
+    /// Steps where nothing shows, in modes volume and decoded, voxels, 0.01 to 2 [default: four of --step, but 1 to 1.5]
     #[arg(long, value_name = "VOXELS", help_heading = "Quality", value_parser = values::cell)]
     pub cell: Option<f64>,
     /// Voxels from one sample of mode decoded to the next: 1 is the grid that the splats were fitted on; 0.5
