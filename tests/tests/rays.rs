@@ -154,7 +154,7 @@ fn check_variants(gpu: &Gpu, name: &str, scenes: &[(&str, Scene)]) {
 #[test]
 fn volumes_gather_the_same_bits() {
     let gpu = Device::boot();
-    let volume = crumbs(90);
+    let volume = crumbs(150);
     let weight = (0..volume.len()).map(|i| f32::from(u8::from(i % 43 < 30))).collect();
     let roi = Roi::new(weight, &volume).expect("a region");
     let plain = of_volume(&gpu, &volume, None, &look("CT-Bones-Steep", false));
