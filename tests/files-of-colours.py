@@ -1,6 +1,6 @@
 #!/usr/bin/env python3
 """Measures what other programs, and vgs itself, read in the files that `vgs convert` writes for programs that know only
-colours, and what vgs reads in those of others: the figures of docs/design/method.md, "Files of colours". Ends with 1 if
+colours, and what vgs reads in those of others: the figures of docs/design/file-formats.md, "Files of colours". Ends with 1 if
 the Khronos validator finds more in the `.glb` than names that it does not know.
 
 usage: tests/files-of-colours.py VGS SPLATS [NODE-MODULES]

@@ -1,5 +1,5 @@
 #!/usr/bin/env python3
-"""Measures what other programs make of our PLY: the tables of docs/design/method.md, "Other programs".
+"""Measures what other programs make of our PLY: the table of docs/design/file-formats.md, "Other programs".
 
 It fits two balls in an oblique grid far from the origin of the world, writes the splats in every layout, ours and those
 that were not chosen, reads each by each program, and reads again what the programs write.

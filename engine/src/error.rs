@@ -29,6 +29,42 @@ pub enum Kind {
 }
 
 impl Kind {
+    /// All kinds, by their exit codes.
+    pub const ALL: [Kind; 10] = [
+        Kind::Usage,
+        Kind::NothingToDo,
+        Kind::BadData,
+        Kind::Missing,
+        Kind::Unavailable,
+        Kind::Internal,
+        Kind::HostMemory,
+        Kind::CannotCreate,
+        Kind::Io,
+        Kind::Temporary,
+    ];
+
+    /// Returns when errors of this class come.
+    pub fn meaning(self) -> &'static str {
+        match self {
+            Kind::Usage => "a wrong argument or configuration value",
+            Kind::NothingToDo => {
+                "the input is valid and there is nothing to do, as with an empty region of interest"
+            }
+            Kind::BadData => "an input file holds something that cannot be used",
+            Kind::Missing => "an input file is missing",
+            Kind::Unavailable => "no Vulkan device or headset, or one that lacks what is needed",
+            Kind::Internal => "a fault of this program, or a fit that diverged",
+            Kind::HostMemory => "out of memory",
+            Kind::CannotCreate => {
+                "an output cannot be created: it exists, is read-only, or its folder is missing"
+            }
+            Kind::Io => "reading or writing failed on the way",
+            Kind::Temporary => {
+                "device lost or out of its memory, or an output is locked: trying again may help"
+            }
+        }
+    }
+
     /// Returns the exit code of a process for this class.
     pub fn exit_code(self) -> u8 {
         match self {

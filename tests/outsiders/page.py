@@ -13,11 +13,13 @@ PACKAGES = ["pydicom", "SimpleITK", "highdicom", "nibabel", "pynrrd", "numpy", "
 HEAD = """\
 # What other programs read
 
-`tests/outsiders` writes small files over the product of options at the edges of their formats, and compares what vgs reads
-of each, voxel by voxel, with what is right; {packages} must confirm what is right. A file is *equal* (size, every value, place
-and orientation), or *refused* by an error that names what is odd in it; where values are in doubt and read all the same, a
-warning must name it. Nothing else passes. `tools/test -E 'binary(outsiders)'` runs it, in a minute or two, and
-holds this page to what it finds; `VGS_WRITE_OUTSIDERS=1` writes the page anew. `tools/setup outsiders` gets the programs.
+`tests/outsiders` writes small files over the product of options at the edges of their formats, and compares each voxel that
+vgs reads with what is right, confirmed by {packages}.
+A file passes if it is *equal* (size, every value, place and orientation) or *refused* by an error that names what is odd in
+it. A doubtful value that is read must be named by a warning.
+
+`tools/test -E 'test(/^outsiders::/)'` runs it in a minute or two and checks this page; `VGS_WRITE_OUTSIDERS=1` writes the
+page anew. `tools/setup outsiders` gets the programs.
 """
 
 
@@ -78,8 +80,8 @@ def text(results, real):
         )
     )
     parts.append(
-        "## Files of scanners and programs\n\nWhat becomes of the files that pydicom, pydicom-data and nibabel "
-        "bring for their own tests; *equal* is to pydicom or nibabel.\n"
+        "## Files of scanners and programs\n\nThe test files of pydicom, pydicom-data and nibabel; *equal* is to pydicom or "
+        "nibabel.\n"
     )
     groups = collections.defaultdict(list)
     for row in real:

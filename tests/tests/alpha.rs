@@ -1,5 +1,4 @@
 //! Mode alpha as a whole: what holds without a reference, and how near it comes to mode exact.
-#![forbid(unsafe_code)]
 
 use engine::gpu::Gpu;
 use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, baked, mode};

@@ -1,5 +1,4 @@
 //! Coarser grids: the downsampled baseline on real data, and fits on a working grid.
-#![forbid(unsafe_code)]
 
 use std::ops::ControlFlow;
 use std::path::Path;

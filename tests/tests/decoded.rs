@@ -1,5 +1,4 @@
 //! The mode `decoded`: the splats' field on voxels, marched as those of a CT.
-#![forbid(unsafe_code)]
 
 use engine::error::Kind;
 use engine::fit::with_part_of_mask;

@@ -1,5 +1,4 @@
 //! Mode decoded on a real CT: how near its pictures are to those of the CT, and what a frame costs beside the other modes.
-#![forbid(unsafe_code)]
 
 use std::path::Path;
 use std::time::Instant;

@@ -1,5 +1,4 @@
 //! Devices that do not take pushed descriptors bind sets from pools: the results are the same to the bit.
-#![forbid(unsafe_code)]
 
 use engine::gpu::GpuOptions;
 use engine::passes::Scan;

@@ -1,6 +1,5 @@
 //! The documentation is as it claims: links lead somewhere, the glossary names what is there, the README shows code that
 //! runs.
-#![forbid(unsafe_code)]
 
 use std::path::{Path, PathBuf};
 

@@ -1,6 +1,5 @@
 //! Where an error is, on phantoms whose errors are known: the field is 100 HU everywhere, so the error at a voxel is 100 less
 //! its value.
-#![forbid(unsafe_code)]
 
 use engine::fit::errors::{ErrorMap, Group};
 use engine::gpu::Gpu;

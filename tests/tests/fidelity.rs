@@ -1,5 +1,4 @@
 //! The error of what is shown of splats: its figures are those of an evaluation, and its colours are seen.
-#![forbid(unsafe_code)]
 
 use engine::fidelity::{ShownError, diverging, evaluate_decoded};
 use engine::fit::evaluate::Protocol;

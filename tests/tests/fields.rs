@@ -13,7 +13,7 @@ const HEAD: &str = "\
 What the readers of volumes take from the header of a file. A reader has three answers: the value, that there is none, or an
 error that names the field. A default stands for a field that is absent, never for one that cannot be read; the tests of each
 reader put every value that is listed as refused into a file. A test writes this page from the tables beside the readers:
-`VGS_WRITE_FIELDS=1 cargo test -p vgs-tests --test fields`.
+`VGS_WRITE_FIELDS=1 cargo test -p vgs-tests --test house fields`.
 ";
 
 fn page() -> PathBuf {

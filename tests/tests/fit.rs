@@ -1,5 +1,4 @@
 //! The fit as a whole, on small phantoms.
-#![forbid(unsafe_code)]
 
 use engine::fit::evaluate::{Evaluation, Protocol, Sampler, evaluate, random_offsets};
 use engine::fit::{FitConfig, FitForm};

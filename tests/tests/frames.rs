@@ -1,5 +1,4 @@
 //! Frames without waiting: what they show, what they cost the loop, and what is said of them afterwards.
-#![forbid(unsafe_code)]
 
 use std::time::Duration;
 

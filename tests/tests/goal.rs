@@ -1,5 +1,4 @@
 //! Fits whose number of splats follows from an error that they are to reach.
-#![forbid(unsafe_code)]
 
 use std::ops::ControlFlow;
 

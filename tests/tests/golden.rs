@@ -2,7 +2,6 @@
 //!
 //! On one driver the figures repeat to the bit. Another rounds otherwise, and Adam's first steps turn that into small
 //! differences; the tolerances are for these, not for a change of method.
-#![forbid(unsafe_code)]
 
 use engine::fit::FitForm;
 use engine::fit::evaluate::{Protocol, Sampler, evaluate, random_offsets};

@@ -3,7 +3,6 @@
 //!
 //! Every sample has a target and a mask value of its own, so that no error hides in a mean. Splats of a Gaussian
 //! kernel are placed so that no sample lies at its cut-off, where the objective jumps.
-#![forbid(unsafe_code)]
 
 use engine::passes::loss::{INTENSITY_DICE, INTENSITY_KL, MSE, TERMS, Weighted};
 use engine::reference::types::LANES;

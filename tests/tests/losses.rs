@@ -1,5 +1,4 @@
 //! The paper's losses: extremes, which no scene has, and fits that follow the mask.
-#![forbid(unsafe_code)]
 
 use engine::fit::{FitConfig, Progress};
 use engine::gpu::{Gpu, GpuOptions};

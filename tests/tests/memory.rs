@@ -1,5 +1,4 @@
 //! Device memory: what is free bounds what is taken, and the account says where it lies.
-#![forbid(unsafe_code)]
 
 use engine::Kind;
 use engine::gpu::{GpuOptions, HeapKind};

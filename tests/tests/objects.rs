@@ -1,5 +1,4 @@
 //! Several objects in one scene: joined, tinted, faded, hidden; and as many splats as a budget allows.
-#![forbid(unsafe_code)]
 
 use std::collections::BTreeMap;
 

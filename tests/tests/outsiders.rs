@@ -3,7 +3,6 @@
 //! without them this is left out.
 //!
 //! `VGS_WRITE_OUTSIDERS=1` writes docs/results/outsiders.md anew.
-#![forbid(unsafe_code)]
 
 use std::path::Path;
 use std::process::{Command, Stdio};

@@ -1,5 +1,4 @@
 //! What 16 bytes a splat cost: the field of a packed set against that of the same set in full.
-#![forbid(unsafe_code)]
 
 use std::path::Path;
 

@@ -1,5 +1,4 @@
 //! Every profile as a fit.
-#![forbid(unsafe_code)]
 
 use engine::fit::{PROFILES, Profile};
 use vgs_tests::Device;

@@ -1,6 +1,5 @@
 //! What must hold without any reference: properties of the field and of the
 //! fit's step; `extremes` has the scenarios. Intensities are in HU and sampled through `fit::evaluate::Sampler`.
-#![forbid(unsafe_code)]
 
 use engine::passes::WorkgroupShape;
 use engine::passes::{Gradient, Rasterizer};

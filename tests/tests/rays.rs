@@ -1,6 +1,5 @@
 //! Rays that are started by rasterization gather the same bits as those that a kernel starts, in the modes `volume` and
 //! `decoded`.
-#![forbid(unsafe_code)]
 
 use engine::gpu::Gpu;
 use engine::render::{

@@ -1,6 +1,5 @@
 //! Fits of a real CT, as short as they come: a torso of 3 mm voxels with the mask of its organs. The floor is what the
 //! method reached when it was chosen, less a margin for the change of it that every commit may make.
-#![forbid(unsafe_code)]
 
 use std::path::Path;
 

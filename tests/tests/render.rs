@@ -1,5 +1,4 @@
 //! What holds of rendering without any reference, and the golden pictures.
-#![forbid(unsafe_code)]
 
 use engine::image::psnr;
 use engine::render::{Appearance, Camera, ClipPlane, Fov, Look, Renderer, Scene, Settings, mode};

@@ -1,6 +1,5 @@
 //! The shape of workgroups for GPUs gives the same bits as the one for CPU drivers, in every variant of the kernels that
 //! have both; in mode alpha the same but for rounding. A driver of eight invocations in lockstep runs both.
-#![forbid(unsafe_code)]
 
 use engine::gpu::GpuOptions;
 use engine::render::{

@@ -1,5 +1,4 @@
 //! What lies between thick slices, on real data: every second slice of a CT is left out, and made of its neighbours.
-#![forbid(unsafe_code)]
 
 use std::path::Path;
 

@@ -1,5 +1,4 @@
 //! Prefix sum and radix sort whole, against the standard library.
-#![forbid(unsafe_code)]
 
 use engine::gpu::Gpu;
 use engine::passes::{RadixSort, Scan};

@@ -1,6 +1,5 @@
 //! Mixed storage: what the device keeps of a sample is a rounded one, never an infinity, and the fit that goes on from it is
 //! as good and as repeatable as with full storage. That it is the nearest f16 is N11, in `extremes/storage.rs`.
-#![forbid(unsafe_code)]
 
 use engine::fit::Storage;
 use engine::reference::half;

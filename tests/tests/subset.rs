@@ -1,5 +1,4 @@
 //! Sparse mini-batches, stopping and going on, and what happens between iterations.
-#![forbid(unsafe_code)]
 
 use engine::fit::{FitState, Fitter};
 use engine::splat::Splat;

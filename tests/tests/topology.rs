@@ -1,5 +1,4 @@
 //! Fits whose splats come, go and move on the way. What a single change does is tested beside the code of each.
-#![forbid(unsafe_code)]
 
 use engine::fit::topology::TOPOLOGIES;
 use engine::fit::{FitForm, FitState, Fitter};

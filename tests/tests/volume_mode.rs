@@ -1,5 +1,4 @@
 //! What holds of the mode `volume` without any reference.
-#![forbid(unsafe_code)]
 
 use engine::error::Kind;
 use engine::gpu::{Gpu, GpuOptions};

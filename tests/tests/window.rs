@@ -1,5 +1,4 @@
 //! What a window shows, drawn into pictures of its format: pictures side by side over their background, and panels.
-#![forbid(unsafe_code)]
 
 use egui::{Color32, Rect, pos2, vec2};
 use engine::gpu::{Format, Gpu, Image};

@@ -1,6 +1,5 @@
 //! The work of frames, as shaders and buffers count it, against what the reference implementations find by
 //! asking every splat at every plane of every pixel.
-#![forbid(unsafe_code)]
 
 use engine::unit::Unit;
 use std::collections::{BTreeMap, BTreeSet};

@@ -7,9 +7,6 @@
 //! display. So a program that submits something other than what it rendered is found out: a wrong field, eye,
 //! pose, colour or a mirrored picture. Those errors are planted in the pictures of the screen, too, and have
 //! to be found.
-#![forbid(unsafe_code)]
-
-mod support;
 
 use std::io::Write as _;
 use std::net::TcpStream;
@@ -17,15 +14,15 @@ use std::path::Path;
 use std::process::{Child, Command, Output, Stdio};
 use std::time::{Duration, Instant};
 
+use crate::support::monado::{Sent, degrees, report, said, tools, validation};
+use crate::support::screen::shot;
+use crate::support::{device, silent};
 use engine::gpu::Gpu;
 use engine::image::{self, Image, WriteOptions};
 use engine::render::{Fov, Look, Renderer, Scene, Settings, mode};
 use engine::splat::{self, Activations as _, Splat, SplatSet};
 use engine::transfer::{self, ColourPoint, Material, OpacityPoint, TransferFunction};
 use glam::{DQuat, DVec3};
-use support::monado::{Sent, degrees, report, said, tools, validation};
-use support::screen::shot;
-use support::{device, silent};
 use xr_app::headset::{Eye, Pose};
 use xr_app::placement::Placement;
 

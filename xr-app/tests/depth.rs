@@ -1,12 +1,9 @@
 //! The depth that goes to a headset with the picture: points that are made of it are where the renderer and
 //! the probe see them, so that a runtime that moves the picture with the head moves it rightly.
-#![forbid(unsafe_code)]
 
-mod support;
-
+use crate::support::{device, options, script, session, set, silent};
 use engine::render::{Renderer, Settings, mode};
 use glam::DVec3;
-use support::{device, options, script, session, set, silent};
 use view::Probe;
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{DEPTH_RANGE, Eye, Headset as _, Pose};

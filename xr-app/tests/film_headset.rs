@@ -3,17 +3,14 @@
 //!
 //! docs/use/film-headset.png is made by this test: `VGS_SHOTS` names a folder for the picture, and `VGS_SESSION` the
 //! session that the film's test stored, to take in place of the phantom's.
-#![forbid(unsafe_code)]
-
-mod support;
 
 use std::path::{Path, PathBuf};
 
+use crate::support::monado::{Sent, degrees, report, run_remote, tools};
 use engine::image::{self, Image};
 use engine::splat::{self, Activations as _, Splat, SplatSet};
 use engine::transfer::preset;
 use glam::DVec3;
-use support::monado::{Sent, degrees, report, run_remote, tools};
 use view::state::{Distance, Plane, ViewState};
 use xr_app::headset::{Eye, Pose};
 

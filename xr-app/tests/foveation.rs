@@ -1,13 +1,10 @@
 //! Foveation: what the eyes see of insets and surrounds, in colour and depth, on all levels and behind round
 //! lenses.
-#![forbid(unsafe_code)]
 
-mod support;
-
+use crate::support::{all_levels, device, options, script, session, silent};
 use engine::gpu::Gpu;
 use engine::render::{Camera, Renderer, Settings, VisibilityMask, mode};
 use glam::DVec3;
-use support::{all_levels, device, options, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Headset as _, Pose};
 use xr_app::sight::{FADING, Inset, Sight};

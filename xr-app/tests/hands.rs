@@ -1,11 +1,8 @@
 //! Hands as both eyes see them: where they are, before and behind the patient, and what they cost.
-#![forbid(unsafe_code)]
 
-mod support;
-
+use crate::support::{device, options, script, session, silent};
 use engine::render::Fov;
 use glam::{DQuat, DVec3};
-use support::{device, options, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Eye, Hand, Hands, Headset as _, JOINTS, Joint, Pose};
 use xr_app::viewer::Options;

@@ -1,15 +1,12 @@
 //! The program under a real runtime: Monado, with the validation layers of Vulkan and of OpenXR, which must
 //! have nothing to say. `tools/setup xr` brings it; where it is not, the tests say so and check nothing.
-#![forbid(unsafe_code)]
-
-mod support;
 
 use std::path::Path;
 use std::process::{Command, Stdio};
 
+use crate::support::monado::{Sent, degrees, report, run_remote, said, tools, validation};
 use engine::splat::{self, Field, Splat, SplatSet};
 use glam::{DQuat, DVec3};
-use support::monado::{Sent, degrees, report, run_remote, said, tools, validation};
 use xr_app::headset::{Eye, Pose};
 
 /// Returns a folder with a small scene.

@@ -1,18 +1,15 @@
 //! The panel in the room, readings and distances: what a hand's ray does there, and what both eyes see of it.
-#![forbid(unsafe_code)]
-
-mod support;
 
 use std::sync::OnceLock;
 use std::sync::atomic::AtomicBool;
 
+use crate::support::{device, options, script, session, silent};
 use egui::pos2;
 use engine::gpu::Gpu;
 use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, mode};
 use engine::splat::{Activations as _, Splat, SplatSet};
 use engine::transfer::preset;
 use glam::{DQuat, DVec3};
-use support::{device, options, script, session, silent};
 use view::transfer::Transfer;
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Hand, Hands, Headset as _, Pose};

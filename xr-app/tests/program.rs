@@ -1,6 +1,5 @@
 //! The program itself, with a simulated headset: what it shows, over what, its memory budget, and its window on
 //! the desktop.
-#![forbid(unsafe_code)]
 
 use std::path::Path;
 use std::process::{Command, Output};

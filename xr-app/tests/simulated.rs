@@ -1,15 +1,12 @@
 //! The whole loop without a runtime: what the eyes see, what hands do, what happens to a session, and what a
 //! frame costs the host.
-#![forbid(unsafe_code)]
-
-mod support;
 
 use std::sync::atomic::AtomicBool;
 
+use crate::support::{all_levels, device, options, scene, script, session, silent};
 use engine::gpu::Gpu;
 use engine::render::{Fov, Renderer, Settings, VisibilityMask, mode};
 use glam::{DQuat, DVec3};
-use support::{all_levels, device, options, scene, script, session, silent};
 use xr_app::headset::simulated::{Script, Simulated, sway};
 use xr_app::headset::{Blend, Event, Hand, Hands, Headset, Pose};
 use xr_app::viewer::{Options, Viewer};

@@ -1,15 +1,12 @@
 //! What a user is told and can take back: words before the eyes, pulses in the hands, the card, undo; and the
 //! panel's frame, by which it is carried.
-#![forbid(unsafe_code)]
-
-mod support;
 
 use std::sync::OnceLock;
 
+use crate::support::{device, keep, options, script, session, silent};
 use egui::{Pos2, pos2};
 use engine::render::Fov;
 use glam::{DQuat, DVec3};
-use support::{device, keep, options, script, session, silent};
 use xr_app::feedback::{CLICK, GRAB};
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Event, Eye, Hand, Hands, Headset as _, Pose, Pulse};

@@ -1,6 +1,6 @@
-//! What the page says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
+//! What the file says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
-/// The groups of codes, in the order of the page.
+/// The groups of codes, in the order of the file.
 pub const GROUPS: [(&str, &str); 29] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),

@@ -8,8 +8,8 @@ use std::collections::{BTreeMap, BTreeSet};
 use std::ops::Range;
 use std::path::{Path, PathBuf};
 
-use crate::tokens::Token::{self, Sign, Text, Word};
-use crate::tokens::{arguments, around, closing, statement_end, tokens, without_tests};
+use super::tokens::Token::{self, Sign, Text, Word};
+use super::tokens::{arguments, around, closing, statement_end, tokens, without_tests};
 
 /// The folders whose sources are read.
 const FOLDERS: [&str; 6] =

@@ -467,7 +467,7 @@ pub const INPUTS: &[Row] = &[
                good splats",
         tests: &[
             t("tests/tests/nth_failure.rs", "a_device_is_lost", &[]),
-            t("tools/cli/tests/view.rs", "a_lost_device_is_made_again", &[]),
+            t("tools/cli/tests/view/mod.rs", "a_lost_device_is_made_again", &[]),
             t("tests/tests/beside.rs", "what_fails_is_told_and_the_last_good_splats_stay", &[]),
         ],
         verdict: Holds,
@@ -579,7 +579,7 @@ pub const INPUTS: &[Row] = &[
         number: 61,
         input: "no display",
         must: "69, names `vgs render`",
-        tests: &[t("tools/cli/tests/view.rs", "without_a_display_it_names_another_way", &[])],
+        tests: &[t("tools/cli/tests/view/mod.rs", "without_a_display_it_names_another_way", &[])],
         verdict: Holds,
     },
     Row {
@@ -587,7 +587,7 @@ pub const INPUTS: &[Row] = &[
         input: "windows that are resized, to nothing, minimised, of another scale",
         must: "goes on, the validation layers are silent",
         tests: &[
-            t("tools/cli/tests/view.rs", "a_window_of_other_sizes_and_scales", &[]),
+            t("tools/cli/tests/view/mod.rs", "a_window_of_other_sizes_and_scales", &[]),
             t("engine/src/gpu/surface.rs", "the_surface_dictates_the_size_or_the_window_does", &[]),
             t("engine/src/gpu/surface.rs", "plain_formats_are_preferred", &[]),
         ],

@@ -61,6 +61,7 @@ enum Command {
     Convert(commands::convert::ConvertArguments),
     /// Lists the Vulkan devices of this machine
     Devices,
+    Explain(commands::explain::ExplainArguments),
     Phantom(commands::phantom::PhantomArguments),
     Completions(commands::completions::CompletionsArguments),
     Man(commands::man::ManArguments),
@@ -87,6 +88,7 @@ fn main() -> ExitCode {
             Command::Info(arguments) => commands::info::run(&arguments, &console),
             Command::Convert(arguments) => commands::convert::run(&arguments, &console),
             Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
+            Command::Explain(arguments) => commands::explain::run(&arguments, &console),
             Command::Devices => commands::devices::run(&console),
             Command::Completions(arguments) => {
                 commands::completions::run(&arguments, command_line(), &console)

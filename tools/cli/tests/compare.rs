@@ -1,11 +1,9 @@
 //! `vgs compare` on pictures and volumes that can be reckoned.
 
-mod support;
-
+use crate::support::Folder;
 use engine::image::{Image, WriteOptions, read, write};
 use engine::volume::{Volume, nifti};
 use glam::{DAffine3, DVec3};
-use support::Folder;
 
 /// A folder with pictures: a gradient, the same as EXR, two that differ from it, and one of another size.
 fn folder() -> Folder {

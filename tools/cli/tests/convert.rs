@@ -1,12 +1,9 @@
 //! `vgs convert`: layouts of the PLY, what another program has dropped, some of the splats, and files for programs
 //! that know only colours.
-#![forbid(unsafe_code)]
 
-mod support;
-
+use crate::support::{Folder, fit};
 use engine::splat::{self, Form, ReadOptions, Splat, SplatSet};
 use glam::DVec3;
-use support::{Folder, fit};
 use view::state::{Object, Plane, ViewState};
 
 /// Returns a PLY of ours as splat-transform writes it: without comments and without a second element.

@@ -1,14 +1,9 @@
 //! A folder of DICOM slices as a user has it: listed, chosen from, fitted.
 
-mod support;
-
-#[path = "support/series.rs"]
-mod series;
-
+use crate::support::series::{write_series, write_two_series};
+use crate::support::{Folder, fit};
 use engine::splat::read;
 use engine::volume::{ReadOptions, Volume, nifti};
-use series::{write_series, write_two_series};
-use support::{Folder, fit};
 
 /// A folder with a phantom of whole HU, as a scanner stores them.
 fn phantom() -> (Folder, Volume) {
@@ -31,7 +26,7 @@ fn a_series_is_fitted_like_the_same_scan_in_another_format() {
     let ended = folder.run(
         &["fit", "scan", "--roi", "mask.nii.gz", "-o", "a.ply"]
             .into_iter()
-            .chain(support::QUICK)
+            .chain(crate::support::QUICK)
             .collect::<Vec<_>>(),
     );
     assert_eq!(ended.code, 0, "{}", ended.err);

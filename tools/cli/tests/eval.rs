@@ -1,12 +1,9 @@
 //! `vgs eval` on a phantom whose errors are known: splats of 100 HU everywhere.
-#![forbid(unsafe_code)]
 
-mod support;
-
+use crate::support::Folder;
 use engine::splat::{self, Field, Splat, SplatSet};
 use engine::volume::{ReadOptions, Volume, nifti};
 use glam::{DAffine3, DMat3, DVec3};
-use support::Folder;
 
 const SIZE: [usize; 3] = [14, 12, 10];
 

@@ -1,13 +1,11 @@
 //! The n-th failing write: whichever of its bytes the disk has no room for, an output is the old one or the new
 //! one, no temporary file is left, and the message says which file it was.
 
-mod support;
-
 use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Output};
 
-use support::{Folder, fit};
+use crate::support::{Folder, fit};
 
 /// `command`, started by a shell in which `before` has run; `$1` is `argument`, the program and its arguments
 /// are `$@` after a shift.

@@ -3,17 +3,10 @@
 //! The film in docs/use is made by this test: `VGS_SHOTS` names a folder for its pictures, and `VGS_FILM` a volume to
 //! take in place of the phantom.
 
-mod support;
-
-#[path = "support/screen.rs"]
-mod screen;
-#[path = "support/series.rs"]
-mod series;
-
+use crate::support::Folder;
+use crate::support::screen::{Screen, Shot, begin, without_notice};
+use crate::support::series::write_series;
 use engine::volume::{ReadOptions, Volume};
-use screen::{Screen, Shot, begin, without_notice};
-use series::write_series;
-use support::Folder;
 
 /// Where the picture is, well within its edges, with slices at its left and panels at its right.
 const PICTURE: [usize; 4] = [250, 100, 880, 640];
@@ -47,7 +40,7 @@ fn a_dicom_folder_becomes_a_scene() {
     write_series(&folder, "scan", &volume, |_, _| ());
 
     let mut viewer = begin(&screen, &folder, &["scan"]);
-    let step = |viewer: &mut screen::Viewer<'_>, hand: &[&str]| {
+    let step = |viewer: &mut crate::support::screen::Viewer<'_>, hand: &[&str]| {
         screen.hand(hand);
         viewer.settle();
         // Panels unfold by the clock.

@@ -1,8 +1,6 @@
 //! Fits that are asked for an error or for a size, not for a number of splats.
 
-mod support;
-
-use support::Folder;
+use crate::support::Folder;
 
 const FIT: [&str; 5] = ["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "--json"];
 

@@ -2,13 +2,11 @@
 //! never by a signal, and never as if the fault were its own. (These are commands without a device: lavapipe itself
 //! dies where it gets no memory.)
 
-mod support;
-
 use std::process::{Command, Output};
 
+use crate::support::Folder;
 use engine::volume::{Volume, nifti};
 use glam::DAffine3;
-use support::Folder;
 
 /// Runs a command within so many MiB of address space.
 fn within(folder: &Folder, mib: u32, arguments: &[&str]) -> Output {

@@ -1,12 +1,10 @@
 //! Signals and locks: what happens to a run that is stopped, and to a second one that comes in between.
 
-mod support;
-
 use std::io::{BufRead, BufReader, Read};
 use std::process::Child;
 use std::time::{Duration, Instant};
 
-use support::{Folder, finish, fit};
+use crate::support::{Folder, finish, fit};
 
 /// A fit that would go on for hours.
 fn endless(folder: &Folder) -> Child {

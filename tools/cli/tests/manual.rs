@@ -1,11 +1,9 @@
 //! What the program says of itself to shells and to man: completions and manual pages.
 
-mod support;
-
-use support::Folder;
+use crate::support::Folder;
 
 /// The commands that users type.
-const COMMANDS: [&str; 14] = [
+const COMMANDS: [&str; 15] = [
     "fit",
     "eval",
     "rasterize",
@@ -17,6 +15,7 @@ const COMMANDS: [&str; 14] = [
     "info",
     "convert",
     "devices",
+    "explain",
     "phantom",
     "completions",
     "man",

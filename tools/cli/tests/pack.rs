@@ -1,16 +1,11 @@
 //! A session that is sent: packed by command, and opened from the zip.
 
-mod support;
-
-#[path = "support/series.rs"]
-mod series;
-
 use std::path::PathBuf;
 
+use crate::support::Folder;
+use crate::support::series::write_two_series;
 use engine::transfer::PRESETS;
 use engine::volume::{ReadOptions, Volume, nifti};
-use series::write_two_series;
-use support::Folder;
 use view::loader::read_volume;
 use view::state::{Files, ViewState};
 

@@ -1,12 +1,9 @@
 //! The PLY of the paper's authors through the commands: written by a fit, and theirs beside its volume.
-#![forbid(unsafe_code)]
 
-mod support;
-
+use crate::support::{Folder, fit};
 use engine::splat::{self, Place, ReadOptions, SplatSet};
 use engine::volume::{Volume, nifti};
 use glam::{DAffine3, DMat3, DVec3};
-use support::{Folder, fit};
 
 /// `ct.nii.gz` on an oblique grid of unequal voxels with more of them along one axis, and the mask with it.
 fn turned(folder: &Folder) {

@@ -1,8 +1,6 @@
 //! Inputs and arguments that must be refused: with the right exit code, a message that helps, and nothing touched.
 
-mod support;
-
-use support::Folder;
+use crate::support::Folder;
 
 struct RefusalRow {
     name: &'static str,

@@ -1,10 +1,8 @@
 //! `vgs render` on a phantom and a quick fit of it.
 
-mod support;
-
+use crate::support::{Folder, fit};
 use engine::image::{Picture, psnr, read};
 use engine::volume::{ReadOptions, Volume, nifti};
-use support::{Folder, fit};
 
 /// A folder with splats of a phantom that every mode can show.
 fn folder() -> Folder {

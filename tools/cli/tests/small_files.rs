@@ -1,9 +1,7 @@
 //! Splats in small files.
 
-mod support;
-
+use crate::support::Folder;
 use engine::volume::{ReadOptions, nifti};
-use support::Folder;
 
 const REGION: [&str; 2] = ["--roi", "mask.nii.gz"];
 

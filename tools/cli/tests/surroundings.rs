@@ -1,14 +1,12 @@
 //! What surrounds the program: paths, environment, locale, streams, signals and drivers that are not as usual.
 
-mod support;
-
 use std::ffi::OsStr;
 use std::io::{BufRead, BufReader};
 use std::os::unix::ffi::OsStrExt;
 use std::process::{Command, Stdio};
 use std::time::{Duration, Instant};
 
-use support::{Folder, QUICK, finish, fit};
+use crate::support::{Folder, QUICK, finish, fit};
 
 /// Inputs and outputs are where their names say, whatever these look like.
 #[test]

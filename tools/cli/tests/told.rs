@@ -1,10 +1,8 @@
 //! What commands say is what is: predictions, figures, names of files and of labels.
 
-mod support;
-
+use crate::support::{Folder, QUICK, fit};
 use engine::volume::{ReadOptions, Volume, nifti};
 use serde_json::Value;
-use support::{Folder, QUICK, fit};
 
 fn figure(of: &Value, pointer: &str) -> f64 {
     of.pointer(pointer).and_then(Value::as_f64).unwrap_or_else(|| panic!("{pointer} in {of}"))

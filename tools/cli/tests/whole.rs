@@ -1,12 +1,10 @@
 //! From a phantom to splats, figures and a volume again, through every command.
 
-mod support;
-
+use crate::support::{Folder, QUICK, fit};
 use engine::splat;
 use engine::volume::resample::{AREA, downsampling_loss};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume, nifti};
 use glam::{DAffine3, DMat3, DVec3};
-use support::{Folder, QUICK, fit};
 
 #[test]
 fn phantom_fit_eval_rasterize_info() {
@@ -620,7 +618,7 @@ fn a_closed_stdout_is_no_panic() {
     let folder = Folder::new(8);
     let mut child = folder.start(&["info", "ct.nii.gz", "mask.nii.gz", "ct.nii.gz"]);
     drop(child.stdout.take());
-    let ended = support::finish(child);
+    let ended = crate::support::finish(child);
     assert_eq!((ended.code, ended.err.as_str()), (0, ""));
 }
 

@@ -12,7 +12,7 @@
 //! 3.2). A set with colours has these as `f_dc` and, between it and `opacity`, `f_rest`; it has no intensity.
 //!
 //! The layout `inria` is for readers whose rows have 62 floats: all of `f_rest`, no intensity and no label.
-//! These have a second element, `splat_intensity`. `docs/design/method.md` has what other programs read.
+//! These have a second element, `splat_intensity`. `docs/design/file-formats.md` has what other programs read.
 //!
 //! An ordinary viewer draws Gaussians to 3 σ and does not divide by Σ w, so what it shows of a set is an
 //! approximation, most of all for the compact kernel.

@@ -5,6 +5,7 @@ pub mod completions;
 pub mod convert;
 pub mod devices;
 pub mod eval;
+pub mod explain;
 pub mod fit;
 pub mod info;
 pub mod man;

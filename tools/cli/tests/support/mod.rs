@@ -1,5 +1,7 @@
 //! Runs the real program on files in a folder of its own.
-#![allow(dead_code, reason = "every test file is a crate of its own and uses a part of this")]
+
+pub mod screen;
+pub mod series;
 
 use std::collections::BTreeMap;
 use std::fs;

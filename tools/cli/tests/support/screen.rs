@@ -1,5 +1,4 @@
 //! A screen of its own for a program with a window, a hand on its mouse and keys, and an eye on what it shows.
-#![allow(dead_code, reason = "every test file is a crate of its own and uses a part of this")]
 
 use std::fs;
 use std::io::{BufRead, BufReader};
@@ -49,11 +48,6 @@ impl Screen {
             return None;
         };
         Some(Screen { display: display.to_owned(), file: file.into(), server })
-    }
-
-    /// The screen as X numbers it.
-    pub fn display(&self) -> &str {
-        &self.display
     }
 
     /// Moves the mouse, presses keys: the arguments of xdotool.

@@ -1,5 +1,4 @@
 //! A volume as a folder of DICOM slices.
-#![allow(dead_code, reason = "every test file is a crate of its own and uses a part of this")]
 
 #[path = "../../../../engine/src/volume/dicom/tests/writer.rs"]
 mod writer;

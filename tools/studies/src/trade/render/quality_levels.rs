@@ -11,7 +11,7 @@ use crate::trade::front::{Point, front};
 
 /// Greatest cost of a quality level as a part of the one above it: with smaller steps the controller would go
 /// up and down between levels whose difference is hidden by noise.
-const STEP: f64 = 0.8;
+const STEP: f64 = 0.85;
 
 /// Returns the quality levels for splats of this kind: from the best choice down along the front of PSNR
 /// against cost.

@@ -2,7 +2,6 @@
 //!
 //! The list below is the list of kernels: a `.comp` file without a test here fails `every_kernel_has_a_test`,
 //! by name.
-#![forbid(unsafe_code)]
 
 mod bins;
 mod deconvolution;

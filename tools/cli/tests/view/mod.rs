@@ -1,18 +1,11 @@
 //! `vgs view` as a person uses it: a real window on a virtual screen, a mouse and keys.
 
-mod support;
-
-#[path = "window/beside.rs"]
 mod beside;
-#[path = "support/screen.rs"]
-mod screen;
-#[path = "support/series.rs"]
-mod series;
 
+use crate::support::screen::{Screen, Viewer, begin, without_notice};
+use crate::support::series::write_two_series;
+use crate::support::{Folder, fit};
 use engine::volume::{ReadOptions, Volume};
-use screen::{Screen, Viewer, begin, without_notice};
-use series::write_two_series;
-use support::{Folder, fit};
 
 /// Where the picture is, well within its edges: the panels are at the right.
 const PICTURE: [usize; 4] = [100, 100, 800, 600];
@@ -434,7 +427,7 @@ fn what_fails_in_a_window_is_made_up_for_or_told() {
 #[test]
 fn without_a_display_it_names_another_way() {
     let folder = folder();
-    let ended = support::finish(
+    let ended = crate::support::finish(
         folder
             .command(&["view", "s.ply"])
             .env_remove("DISPLAY")

@@ -1,6 +1,5 @@
 //! The scenarios N1 to N28 of docs/results/numerics.md, one module a subject, and the extremes of real data. Each test measures
 //! how far off the worst value is and hands that to `numerics::keep`, which holds it to its bound.
-#![forbid(unsafe_code)]
 
 mod devices;
 mod field;

@@ -1,9 +1,8 @@
-//! docs/use/error-codes.md is what the sources say: every code with its exit code and its meaning.
-//! `VGS_WRITE_ERROR_CODES=1` writes the page anew.
+//! codes.txt of `vgs explain` is what the sources say: every code with its exit code and its meaning.
+//! `VGS_WRITE_ERROR_CODES=1` writes the file anew.
 //!
 //! The sources are read as tokens, not compiled; `sites` says which ways of making an error it understands, and a test holds
 //! the sources to them.
-#![forbid(unsafe_code)]
 
 mod meanings;
 mod sites;
@@ -17,28 +16,9 @@ use engine::Kind;
 use meanings::{GROUPS, MEANINGS};
 use sites::{Site, Sources, sites};
 
-/// The kinds of errors.
-const KINDS: [Kind; 10] = [
-    Kind::Usage,
-    Kind::NothingToDo,
-    Kind::BadData,
-    Kind::Missing,
-    Kind::Unavailable,
-    Kind::Internal,
-    Kind::HostMemory,
-    Kind::CannotCreate,
-    Kind::Io,
-    Kind::Temporary,
-];
-
 const HEAD: &str = "\
-# Error codes
-
-Every error that a program of vgs reports has a code, which stays as it is while texts may change: `error[VGS-NII-012]: ...`
-on stderr, and `\"code\": \"VGS-NII-012\"` with `--json`. The exit code of the program follows from the kind of the error.
-`…` and names in braces stand for what is put into a message. A test writes this page from the sources:
-`VGS_WRITE_ERROR_CODES=1 cargo test -p vgs-tests --test error_codes`.
-
+# Every error code of the programs: code, exit codes, message; `…` and names in braces stand for what is put in.
+# A test writes this file from the sources: VGS_WRITE_ERROR_CODES=1 cargo test -p vgs-tests --test house error_codes
 ";
 
 /// All that is known of a code.
@@ -48,8 +28,8 @@ struct CodeRow {
     messages: BTreeSet<String>,
 }
 
-fn page() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/use/error-codes.md")
+fn file() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../tools/cli/src/commands/explain/codes.txt")
 }
 
 /// Returns what is known of each code.
@@ -77,7 +57,7 @@ fn meaning(code: &str) -> Option<&'static str> {
 }
 
 fn exit_code(kind: &str) -> Option<u8> {
-    KINDS.iter().find(|known| format!("{known:?}") == kind).map(|known| known.exit_code())
+    Kind::ALL.iter().find(|known| format!("{known:?}") == kind).map(|known| known.exit_code())
 }
 
 /// Returns what is wrong with the use of codes.
@@ -101,7 +81,7 @@ fn faults(sites: &[Site]) -> Vec<String> {
             out.push(format!("{code} has no message of its own; say in MEANINGS what it means"));
         }
         for kind in row.kinds.iter().filter(|kind| exit_code(kind).is_none()) {
-            out.push(format!("{code}: KINDS does not know {kind}"));
+            out.push(format!("{code}: no kind of error is called {kind}"));
         }
         let group = code.split('-').nth(1).unwrap_or_default();
         if !GROUPS.iter().any(|(name, _)| *name == group) {
@@ -114,66 +94,41 @@ fn faults(sites: &[Site]) -> Vec<String> {
     out
 }
 
-/// Returns the page.
+/// Returns the file.
 fn written(rows: &BTreeMap<String, CodeRow>) -> String {
     let mut out = HEAD.to_owned();
-    out += "| exit code | kind | when |\n|---|---|---|\n";
-    for kind in KINDS {
-        // Writing to a string cannot fail.
-        let _ = writeln!(out, "| {} | {kind:?} | {} |", kind.exit_code(), when(kind));
-    }
-    out += "\n0 is success; 130 and 143 are a stop by a signal, with what was reached written.\n";
     for (group, heading) in GROUPS {
         let inside = |code: &str| code.split('-').nth(1) == Some(group);
-        let _ = writeln!(out, "\n## {group}: {heading}\n\n| code | exit | message |\n|---|---|---|");
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "[{group}] {heading}");
         for (code, row) in rows.iter().filter(|(code, _)| inside(code)) {
             let exits: BTreeSet<u8> = row.kinds.iter().filter_map(|kind| exit_code(kind)).collect();
-            let exits: Vec<String> = exits.iter().map(u8::to_string).collect();
-            let wording = wording(code, row);
-            let _ = writeln!(out, "| {code} | {} | {wording} |", exits.join(", "));
+            let exits = exits.iter().map(u8::to_string).collect::<Vec<_>>().join(",");
+            for wording in wordings(code, row) {
+                let _ = writeln!(out, "{code} {exits} {wording}");
+            }
         }
     }
     out
 }
 
 /// Returns the meaning of a code where `MEANINGS` has one, else its messages.
-fn wording(code: &str, row: &CodeRow) -> String {
-    let messages = row.messages.iter().map(|message| message.replace('|', "\\|").replace('<', "\\<"));
-    meaning(code).map_or_else(|| messages.collect::<Vec<_>>().join("<br>"), str::to_owned)
-}
-
-/// Returns when errors of a kind come.
-fn when(kind: Kind) -> &'static str {
-    match kind {
-        Kind::Usage => "a wrong argument or configuration value",
-        Kind::NothingToDo => {
-            "the input is valid and there is nothing to do, as with an empty region of interest"
-        }
-        Kind::BadData => "an input file holds something that cannot be used",
-        Kind::Missing => "an input file is missing",
-        Kind::Unavailable => "no Vulkan device or headset, or one that lacks what is needed",
-        Kind::Internal => "a fault of this program, or a fit that diverged",
-        Kind::HostMemory => "out of memory",
-        Kind::CannotCreate => {
-            "an output cannot be created: it exists, is read-only, or its folder is missing"
-        }
-        Kind::Io => "reading or writing failed on the way",
-        Kind::Temporary => "device lost or out of its memory, or an output is locked: trying again may help",
-    }
+fn wordings(code: &str, row: &CodeRow) -> Vec<String> {
+    meaning(code).map_or_else(|| row.messages.iter().cloned().collect(), |meaning| vec![meaning.to_owned()])
 }
 
 #[test]
-fn the_page_is_what_the_sources_say() {
+fn the_file_is_what_the_sources_say() {
     let (sites, _) = sites(&Sources::read());
     let new = written(&rows(&sites));
     if std::env::var_os("VGS_WRITE_ERROR_CODES").is_some_and(|v| v == "1") {
-        std::fs::write(page(), &new).expect("writing docs/use/error-codes.md");
+        std::fs::write(file(), &new).expect("writing codes.txt of `vgs explain`");
     }
-    let old = std::fs::read_to_string(page()).unwrap_or_default();
+    let old = std::fs::read_to_string(file()).unwrap_or_default();
     let first = new.lines().zip(old.lines().chain(std::iter::repeat(""))).find(|(new, old)| new != old);
     assert!(
         new == old,
-        "docs/use/error-codes.md is out of date; VGS_WRITE_ERROR_CODES=1 writes it anew. The first line that differs, as it \
+        "codes.txt of `vgs explain` is out of date; VGS_WRITE_ERROR_CODES=1 writes it anew. The first line that differs, as it \
          should be and as it is: {first:?}"
     );
 }

@@ -3,7 +3,6 @@
 //!
 //! The maps are the tables: that of the crates in `docs/design/architecture.md`, those of the modules at the
 //! top of `engine/src/lib.rs`, `tools/view/src/lib.rs` and `xr-app/src/lib.rs`.
-#![forbid(unsafe_code)]
 
 mod dependencies;
 mod imports;
