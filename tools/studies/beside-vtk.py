@@ -60,8 +60,8 @@ CASES = {
     "vessels": Shown("ct-thorax-1p5mm", "ct", "mask_vessels", "CT-Angio", (-0.4, 1, 0.1), 1.6, (-0.07, 0.08)),
     "heart": Shown("ct-thorax-1p5mm", "ct", "mask_heart", "CT-Muscle", (-0.3, 1, 0.2), 1.1, (0, -0.02)),
     "torso": Shown("ct-torso-3mm", "ct", "mask_ts", "CT-Soft-Tissue", (-0.5, 1, 0.1), 1.3, (0, -0.05),
-                   remark="Where all is translucent the programs differ least, and there is little to skip, so vgs gains little "
-                          "or no time. Splats smooth the noise of soft tissue."),
+                   remark="Where all is translucent the programs differ least, and there is little to skip, so vgs gains least "
+                          "there. Splats smooth the noise of soft tissue."),
 }
 
 
@@ -98,7 +98,7 @@ splats.
   make noise of them. vgs takes finer steps, but only where something can show.
 - **Edges: vgs is better.** Next to air, VTK's heart becomes a flight of stairs, and a rim of intensities between those of contrast
   medium and air tints heart and vessels. vgs blurs the mask, not the intensities. Stairs of a voxel are left.
-- **Splats look like the scan in vgs**, stairs included, and take a third to a half more time than it.
+- **Splats look like the scan in vgs**, stairs included, and take at most a third more time than it.
 - **Time: not a verdict on GPUs.** VTK samples every ray all through the box, vgs skips what is empty. On a processor that
   decides; no GPU was measured. The drivers differ in age, too.
 

@@ -7,7 +7,7 @@ const TASKS: &[(&str, &[&str])] = &[
     ("From a scan to splats", &["info", "fit", "convert"]),
     ("To look at", &["view", "render", "pack"]),
     ("To measure", &["stats", "eval", "compare", "rasterize"]),
-    ("To set up and to try", &["devices", "phantom", "completions", "man"]),
+    ("To set up and to try", &["devices", "explain", "phantom", "completions", "man"]),
 ];
 
 /// Help of a command with more flags than a screen has lines.
