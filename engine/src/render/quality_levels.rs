@@ -139,7 +139,7 @@ mod tests {
     fn levels_of_every_kind_begin_with_all_and_go_down() {
         for (kind, first, coarseness) in [
             (SplatKind::Field, "slab", 1.0),
-            (SplatKind::Grid, "decoded", 0.5),
+            (SplatKind::Grid, "decoded", 0.25),
             (SplatKind::Coloured, "alpha", 1.0),
         ] {
             let levels = quality_levels(kind);

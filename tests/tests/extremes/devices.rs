@@ -72,7 +72,7 @@ fn with_width(bits: u32) -> [f64; 2] {
         None => Command::new(program),
     };
     let output = command
-        .args(["--exact", "devices::n21_every_device", "--nocapture"])
+        .args(["--exact", "extremes::devices::n21_every_device", "--nocapture"])
         .env("LP_NATIVE_VECTOR_WIDTH", bits.to_string())
         .env(FOUND, file.path())
         .output()
