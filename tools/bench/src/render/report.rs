@@ -139,8 +139,8 @@ impl Results<'_> {
     fn end_to_end(&self) -> String {
         let size = self.size(Section::EndToEnd);
         let title = format!(
-            "## End to end\n\nPictures of {size}×{size} pixels against the CT with its mask, ray-marched in steps of a quarter \
-             voxel. ÷2, ÷4: the CT and its mask, averaged over blocks of so many voxels along each axis and rendered in the same \
+            "## End to end\n\nPictures of {size}×{size} pixels against the CT with its mask, ray-marched in the steps of \
+             the rendering that is the reference. ÷2, ÷4: the CT and its mask, averaged over blocks of so many voxels along each axis and rendered in the same \
              way. MB of splats: of {PACKED} bytes (in brackets of {FULL}); of a volume: its box around the region, 16 bits of \
              intensity and 8 of mask a voxel."
         );
