@@ -8,8 +8,9 @@
 // all that is in the cell from this voxel to the next ones has that label: within an object, and wherever it borders on
 // nothing, a place has what eight voxels would tell it after one look.
 //
-// An image of the same shape may hold the gradient of O (V - dark) for each voxel (voxel_gradients.comp). Central differences of trilinear interpolation are the trilinear interpolation of central
-// differences, so one look has what six would find.
+// An image of the same shape may hold the gradient of O (V - dark) for each voxel (voxel_gradients.comp). Central
+// differences of trilinear interpolation are the trilinear interpolation of central differences, so one look has what
+// six would find.
 #ifndef MEDIUM_GLSL
 #define MEDIUM_GLSL
 #extension GL_EXT_scalar_block_layout : require

@@ -1,60 +1,49 @@
-//! docs/design/fields.md is what the readers' tables say: every field of a file's header, what it is used for, what its
-//! absence means, and what is refused. `VGS_WRITE_FIELDS=1` writes the page anew.
+//! docs/design/fields.csv is what the readers' tables say: every field of a file's header, what it is used for, what its
+//! absence means, and what is refused. `VGS_WRITE_FIELDS=1` writes the file anew.
 
 use std::collections::BTreeSet;
-use std::fmt::Write as _;
 use std::path::{Path, PathBuf};
 
-use engine::volume::{FORMATS, FieldRow, dicom};
+use engine::volume::{FORMATS, dicom};
 
-const HEAD: &str = "\
-# Fields of headers
-
-What the readers of volumes take from the header of a file. A reader has three answers: the value, that there is none, or an
-error that names the field. A default stands for a field that is absent, never for one that cannot be read; the tests of each
-reader put every value that is listed as refused into a file. A test writes this page from the tables beside the readers:
-`VGS_WRITE_FIELDS=1 cargo test -p vgs-tests --test house fields`.
-";
-
-fn page() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/design/fields.md")
+fn file() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/design/fields.csv")
 }
 
-fn cell(row: &FieldRow) -> String {
-    let absent = if row.absent.is_empty() { "refused" } else { row.absent };
-    let refused: Vec<_> =
-        row.refused.iter().map(|value| format!("`{value}`").replace("``", "nothing")).collect();
-    format!("| {} | {} | {absent} | {} |", row.name, row.used, refused.join(" "))
+/// Returns a line of cells in quotes (RFC 4180).
+fn line<'a>(cells: impl IntoIterator<Item = &'a str>) -> String {
+    let quoted = cells.into_iter().map(|cell| format!("\"{}\"", cell.replace('"', "\"\"")));
+    quoted.collect::<Vec<_>>().join(",") + "\n"
 }
 
 fn written() -> String {
-    let mut out = HEAD.to_owned();
-    for format in FORMATS.iter().filter(|format| !format.fields.is_empty()) {
-        // Writing to a string cannot fail.
-        let _ = writeln!(
-            out,
-            "\n## {}\n\n| field | used for | absent | refused, such as |\n|---|---|---|---|",
-            format.name
-        );
+    let mut out = line(["format", "field", "used for", "absent", "refused, such as"]);
+    for format in FORMATS {
         for row in format.fields {
-            let _ = writeln!(out, "{}", cell(row));
+            let absent = if row.absent.is_empty() { "refused" } else { row.absent };
+            let refused: Vec<_> =
+                row.refused.iter().map(|v| if v.is_empty() { "nothing" } else { v }).collect();
+            out += &line([format.name, row.name, row.used, absent, &refused.join(" ")]);
         }
     }
-    out += "\n## DICOM\n\n| element | absent, or without a value | cannot be read |\n|---|---|---|\n";
     for row in dicom::element_rows() {
-        let _ = writeln!(out, "| {} | {} | {} |", row.element, row.absent, row.unreadable);
+        let refused = match row.unreadable {
+            "refused" => "all that cannot be read".to_owned(),
+            other => format!("nothing: what cannot be read is {other}"),
+        };
+        out += &line(["DICOM", &row.element, "", &row.absent, &refused]);
     }
     out
 }
 
 #[test]
-fn the_page_is_what_the_readers_say() {
+fn the_file_is_what_the_readers_say() {
     let new = written();
     if std::env::var_os("VGS_WRITE_FIELDS").is_some_and(|v| v == "1") {
-        std::fs::write(page(), &new).expect("writing docs/design/fields.md");
+        std::fs::write(file(), &new).expect("writing docs/design/fields.csv");
     }
-    let old = std::fs::read_to_string(page()).unwrap_or_default();
-    assert!(new == old, "docs/design/fields.md is out of date; VGS_WRITE_FIELDS=1 writes it anew");
+    let old = std::fs::read_to_string(file()).unwrap_or_default();
+    assert!(new == old, "docs/design/fields.csv is out of date; VGS_WRITE_FIELDS=1 writes it anew");
 }
 
 #[test]

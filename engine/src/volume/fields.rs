@@ -1,5 +1,5 @@
 //! The rows that say what a reader does with each field of a file's header. Each reader has such a table beside it, its
-//! tests put every refused value into a file, and `docs/design/fields.md` is written from all of them.
+//! tests put every refused value into a file, and `docs/design/fields.csv` is written from all of them.
 //!
 //! A reader has three answers: the value, that there is none, or an error that names the field. A default stands for a
 //! field that is absent, never for one that cannot be read.

@@ -1,5 +1,5 @@
-//! The tables of docs/results/reliability.md are those of `inputs` and `found`, and each test that a row names is
-//! there.
+//! The table of docs/results/reliability.md is that of `inputs`. Each row there and in `found`, the faults of files that readers
+//! once took, names the tests that show it, and they are there.
 //! `VGS_WRITE_RELIABILITY=1` writes them anew.
 
 mod found;
@@ -57,49 +57,32 @@ fn page() -> PathBuf {
     root().join("docs/results/reliability.md")
 }
 
-/// Returns a table of rows; numbers begin with `letter`.
-fn table(letter: &str, rows: &[Row]) -> String {
-    let mut out = "| | what | must be | shown by | verdict |\n|---|---|---|---|---|\n".to_owned();
+/// Returns a table of rows.
+fn table(rows: &[Row]) -> String {
+    let mut out = "| | what | must be | verdict |\n|---|---|---|---|\n".to_owned();
     for row in rows {
-        let tests: Vec<String> = row.tests.iter().map(shown).collect();
         let verdict = match row.verdict {
             Verdict::Holds => "holds".to_owned(),
             Verdict::Partly(what) => format!("partly: {what}"),
             Verdict::Untested(why) => format!("**not tested**: {why}"),
         };
         // Writing to a string cannot fail.
-        let _ = writeln!(
-            out,
-            "| {letter}{} | {} | {} | {} | {verdict} |",
-            row.number,
-            row.input,
-            row.must,
-            tests.join("; ")
-        );
+        let _ = writeln!(out, "| {} | {} | {} | {verdict} |", row.number, row.input, row.must);
     }
     out
 }
 
-/// Returns a test as the page names it: the function, and the cases of a table in brackets.
-fn shown(test: &Test) -> String {
-    match test.cases {
-        [] => format!("`{}`", test.function),
-        cases => format!("`{}` ({})", test.function, cases.join(", ")),
-    }
-}
-
 /// Returns the parts of the page that are made here, with the marks that stand before and after each.
-fn parts() -> [(&'static str, String); 3] {
-    let all = || INPUTS.iter().chain(FOUND);
-    let count = |of: fn(&Verdict) -> bool| all().filter(|row| of(&row.verdict)).count();
+fn parts() -> [(&'static str, String); 2] {
+    let count = |of: fn(&Verdict) -> bool| INPUTS.iter().filter(|row| of(&row.verdict)).count();
     let sum = format!(
         "Of {} rows {} hold, {} hold in part, {} are not tested.\n",
-        all().count(),
+        INPUTS.len(),
         count(|v| matches!(v, Verdict::Holds)),
         count(|v| matches!(v, Verdict::Partly(_))),
         count(|v| matches!(v, Verdict::Untested(_))),
     );
-    [("sum", sum), ("inputs", table("", INPUTS)), ("found", table("F", FOUND))]
+    [("sum", sum), ("inputs", table(INPUTS))]
 }
 
 /// Returns the page with its parts made anew.

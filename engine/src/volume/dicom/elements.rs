@@ -3,7 +3,7 @@
 //! A value is there, or it is absent, or it cannot be read, and the last is an error that names the element. A
 //! default stands for what is absent alone, and only where the standard has one. Elements are taken by the
 //! representation (VR) of the dictionary: archives and converters write UN and others where they know no better
-//! (PS3.5, 6.2.2). The rows are a part of docs/design/fields.md.
+//! (PS3.5, 6.2.2). The rows are a part of docs/design/fields.csv.
 
 use std::io::Cursor;
 

@@ -140,8 +140,8 @@ impl Results<'_> {
         let size = self.size(Section::EndToEnd);
         let title = format!(
             "## End to end\n\nPictures of {size}×{size} pixels against the CT with its mask, ray-marched in the steps of \
-             the rendering that is the reference. ÷2, ÷4: the CT and its mask, averaged over blocks of so many voxels along each axis and rendered in the same \
-             way. MB of splats: of {PACKED} bytes (in brackets of {FULL}); of a volume: its box around the region, 16 bits of \
+             the rendering that is the reference. ÷2, ÷4: the CT and its mask, averaged over blocks of so many voxels along each \
+             axis and rendered in the same way. MB of splats: of {PACKED} bytes (in brackets of {FULL}); of a volume: its box around the region, 16 bits of \
              intensity and 8 of mask a voxel."
         );
         let rows = self.pictures(Section::EndToEnd, &[Role::Reference, Role::Mode, Role::Downsampled]);
