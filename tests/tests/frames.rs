@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use engine::gpu::{Gpu, Ticket};
 use engine::render::{
-    Appearance, Camera, Fov, Frames, Look, Quality, QualityLevel, Renderer, Scene, Settings, SplatKind,
-    VisibilityMask, mode, quality_levels,
+    Appearance, Camera, ClipPlane, Fov, Frames, Look, Quality, QualityLevel, Renderer, Scene, Settings,
+    SplatKind, VisibilityMask, mode, quality_levels,
 };
 use engine::splat::{Field, Form, Grid, Splat, SplatSet};
 use engine::transfer::preset;
@@ -171,12 +171,25 @@ fn what_no_eye_sees_changes_nothing_else() {
     }
 }
 
-/// After a warm-up a frame allocates nothing, makes no pipeline and waits for nothing, whatever its level;
-/// and each is reported once, with its level and a time.
+/// Returns a look of a drag: every part of it differs from one step to the next.
+fn dragged(step: usize) -> Look {
+    let turn = step as f64 * 0.7;
+    let transfer =
+        preset("CT-Bone").expect("a preset").over([-100.0 - 40.0 * turn.sin(), 900.0 + 50.0 * turn.cos()]);
+    let normal = DVec3::new(turn.cos(), turn.sin(), 0.0);
+    let clip = vec![ClipPlane { normal, offset: normal.dot(DVec3::new(-95.0, 365.0, 1025.0)) - 20.0 }];
+    let seen = Appearance { opacity: 0.5 + 0.4 * turn.sin() as f32, ..Appearance::default() };
+    let objects = [(3, seen), (4, Appearance { visible: step % 2 == 0, ..seen })].into();
+    Look { clip, objects, ..Look::new(transfer) }
+}
+
+/// After a warm-up a frame allocates nothing, makes no pipeline and waits for nothing, whatever its level and though
+/// the look is another one in each; and each is reported once, with its level and a time.
 #[test]
 fn frames_cause_no_hitches_and_are_all_reported() {
     let gpu = Device::boot();
-    let scene = scene(&gpu);
+    let mut scene = scene(&gpu);
+    scene.set_look(&dragged(1)).expect("a look");
     let head = eyes(&scene);
     let mut frames = Frames::new(&gpu, &scene, &settings(), &all_levels()).expect("frames");
     frames.warm_up(&scene, &head).expect("all levels");
@@ -187,6 +200,7 @@ fn frames_cause_no_hitches_and_are_all_reported() {
     let count = 4 * all_levels().len();
     for number in 0..count {
         let turned = head.map(|eye| eye.turned(scene.bounds()[0], DVec3::Z, 0.01 * number as f64));
+        scene.set_look(&dragged(number)).expect("a look");
         let frame = frames.begin(&scene, number % all_levels().len()).expect("a frame");
         let ticket = frames.submit(frame, &scene, &turned).expect("submitted");
         // As a display does: the next frame is not begun while three are in flight.
@@ -204,6 +218,36 @@ fn frames_cause_no_hitches_and_are_all_reported() {
     assert!(reported.is_sorted_by_key(|f| f.ticket));
 }
 
+/// A frame shows the look that was set last before it, also if another one is set while it is in flight.
+#[test]
+fn a_look_that_is_set_meanwhile_is_that_of_the_next_frame() {
+    let gpu = Device::boot();
+    let mut scene = scene(&gpu);
+    let head = eyes(&scene);
+    let levels = all_levels();
+    for (number, level) in levels.iter().enumerate() {
+        let alone = |look: &Look, scene: &mut Scene| {
+            scene.set_look(look).expect("a look");
+            let row = mode(level.mode).expect("a mode");
+            let mut renderer = Renderer::new(&gpu, row, scene, &settings()).expect("a renderer");
+            renderer.render_at(scene, &head, &level.quality).expect("a picture");
+            renderer.target.read_colour(0).expect("a picture")
+        };
+        let looks = [1, 2, 3, 4].map(dragged);
+        let expected = looks.each_ref().map(|look| alone(look, &mut scene));
+        assert!(expected.windows(2).all(|two| two[0] != two[1]), "{}: looks differ", level.mode);
+        let mut frames = Frames::new(&gpu, &scene, &settings(), &levels[number..=number]).expect("frames");
+        frames.warm_up(&scene, &head).expect("room");
+        for (at, expected) in expected.iter().enumerate() {
+            scene.set_look(&looks[at]).expect("a look");
+            let frame = frames.begin(&scene, 0).expect("a frame");
+            frames.submit(frame, &scene, &head).expect("submitted");
+            scene.set_look(&looks[(at + 1) % looks.len()]).expect("a look");
+            assert!(frames.target.read_colour(0).expect("a picture") == *expected, "{}: {at}", level.mode);
+        }
+    }
+}
+
 /// A frame that needs more room than all before it makes room for the next.
 #[test]
 fn a_frame_that_needs_more_room_makes_it() {
@@ -216,8 +260,7 @@ fn a_frame_that_needs_more_room_makes_it() {
     let near = far.map(|eye| Camera { eye: centre - eye.forward() * 30.0, fov, ..eye });
     let size = [640, 512];
     let settings = Settings { size, ..settings() };
-    let levels = &quality_levels(SplatKind::Field)[..1];
-    let mut frames = Frames::new(&gpu, &scene, &settings, levels).expect("frames");
+    let mut frames = Frames::new(&gpu, &scene, &settings, &all_levels()[..1]).expect("frames");
     frames.warm_up(&scene, &far).expect("a first frame");
     let picture = |frames: &mut Frames| {
         let frame = frames.begin(&scene, 0).expect("a frame");

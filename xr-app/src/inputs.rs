@@ -121,9 +121,8 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
     }
     if let Content::Splats(splats) = &content {
         // The mode of the first quality level, in which objects may have functions of their own.
-        let own = SplatKind::of(&splats.set).own_mode();
-        let own = SplatMode::ALL.into_iter().find(|mode| Some(mode.name()) == own);
-        state.mode = own.unwrap_or(state.mode);
+        let usual = SplatKind::of(&splats.set).usual_mode();
+        state.mode = SplatMode::ALL.into_iter().find(|mode| mode.name() == usual).unwrap_or(state.mode);
         if let Some(usual) = UsualLook::of(&splats.set).filter(|_| !has_session && wanted.tf.is_none()) {
             state.take_usual_look(&usual);
         }

@@ -19,7 +19,7 @@ use crate::support::screen::shot;
 use crate::support::{device, silent};
 use engine::gpu::Gpu;
 use engine::image::{self, Image, WriteOptions};
-use engine::render::{Fov, Look, Renderer, Scene, Settings, mode};
+use engine::render::{Fov, Look, Renderer, Scene, Settings, SplatKind, mode, quality_levels};
 use engine::splat::{self, Activations as _, Splat, SplatSet};
 use engine::transfer::{self, ColourPoint, Material, OpacityPoint, TransferFunction};
 use glam::{DQuat, DVec3};
@@ -122,9 +122,11 @@ fn rendered(gpu: &Gpu, scene: &Scene, eyes: &[Eye; 2]) -> [Image; 2] {
     let [low, high] = scene.bounds();
     let placement = Placement::before(&START, (low + high) * 0.5, (high - low).length() * 0.5);
     let settings = Settings { views: 2, ..Settings::new(EYE.map(|n| n as u32)) };
+    let level = &quality_levels(SplatKind::Field)[0];
     let mut renderer =
-        Renderer::new(gpu, mode("slab").expect("a mode"), scene, &settings).expect("a renderer");
-    renderer.render(scene, &eyes.map(|eye| placement.camera(&eye))).expect("a picture");
+        Renderer::new(gpu, mode(level.mode).expect("a mode"), scene, &settings).expect("a renderer");
+    let cameras = eyes.map(|eye| placement.camera(&eye));
+    renderer.render_at(scene, &cameras, &level.quality).expect("a picture");
     [0, 1].map(|eye| {
         let pixels = renderer.target.read_colour(eye).expect("a picture");
         Image { size: EYE, pixels }.over([0.0; 3])

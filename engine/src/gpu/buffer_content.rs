@@ -40,7 +40,8 @@ impl<T: Pod> Buffer<T> {
         Ok(out)
     }
 
-    /// Overwrites the elements from `start`. Waits for the device.
+    /// Overwrites the elements from `start`. Waits for the device if there is so much that the memory on the way should
+    /// be free again before more follows.
     pub fn write_range(&mut self, start: usize, data: &[T]) -> Result<()> {
         assert!(start + data.len() <= self.len(), "{}: writing behind the end", self.name());
         if data.is_empty() {
@@ -54,15 +55,36 @@ impl<T: Pod> Buffer<T> {
             size_of_val(data) as u64,
             self.name(),
         );
+        let bytes = staging.bytes();
+        recorder.keep(staging);
         let ticket = recorder.submit()?;
-        self.gpu.wait(ticket)
+        if bytes > UNAWAITED { self.gpu.wait(ticket) } else { Ok(()) }
     }
 }
+
+/// Most bytes of an upload that is not waited for.
+const UNAWAITED: u64 = 1 << 20;
 
 impl Gpu {
     /// Creates a zeroed storage buffer. `purpose` is the row of the account of bytes under which it is
     /// counted.
     pub fn buffer<T: Pod>(&self, name: &str, purpose: &'static str, len: usize) -> Result<Buffer<T>> {
+        let buffer = self.uninitialised(name, purpose, len)?;
+        let mut recorder: Recorder = self.record()?;
+        recorder.clear(&buffer);
+        recorder.submit()?;
+        Ok(buffer)
+    }
+
+    /// Creates a storage buffer that holds `data`.
+    pub fn upload<T: Pod>(&self, name: &str, purpose: &'static str, data: &[T]) -> Result<Buffer<T>> {
+        let mut buffer = self.uninitialised(name, purpose, data.len())?;
+        buffer.write_range(0, data)?;
+        Ok(buffer)
+    }
+
+    /// Creates a storage buffer with undefined content.
+    fn uninitialised<T: Pod>(&self, name: &str, purpose: &'static str, len: usize) -> Result<Buffer<T>> {
         let bytes = (len * size_of::<T>()) as u64;
         if bytes > self.0.limits.storage_range {
             return Err(Error::new(
@@ -78,17 +100,6 @@ impl Gpu {
                  larger storage-buffer range",
             ));
         }
-        let buffer = self.raw(name, purpose, len, MemoryLocation::GpuOnly)?;
-        let mut recorder: Recorder = self.record()?;
-        recorder.clear(&buffer);
-        recorder.submit()?;
-        Ok(buffer)
-    }
-
-    /// Creates a storage buffer that holds `data`.
-    pub fn upload<T: Pod>(&self, name: &str, purpose: &'static str, data: &[T]) -> Result<Buffer<T>> {
-        let mut buffer = self.buffer(name, purpose, data.len())?;
-        buffer.write_range(0, data)?;
-        Ok(buffer)
+        self.raw(name, purpose, len, MemoryLocation::GpuOnly)
     }
 }

@@ -47,6 +47,7 @@
 //! | `image_commands` | clearing and copying images |
 //! | `pass`, `draw_pass` | the description of a pass, and of a drawing |
 //! | `buffer_content`, `image_content` | new buffers and images; writing and reading by the host |
+//! | `upload_ring` | writing by the host without a wait, for what changes often |
 //! | `external_image` | images of a swapchain, acquired for a frame and released after it |
 //! | `surface` | a window's surface and its swapchain |
 //!
@@ -104,6 +105,7 @@ mod surface;
 mod ticket;
 mod times;
 mod timing;
+mod upload_ring;
 mod waiting;
 mod windows;
 
@@ -130,6 +132,7 @@ pub use recipe::{Overlap, Recipe, Targets};
 pub use recorder::Recorder;
 pub use surface::{Acquired, Surface};
 pub use ticket::Ticket;
+pub use upload_ring::UploadRing;
 pub use windows::Windows;
 
 use check::check;

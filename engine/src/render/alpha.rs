@@ -87,9 +87,9 @@ impl Alpha {
         let variant = QuadVariant {
             corners: corners(gpu),
             standard,
-            shaded: look.shaded && !standard,
+            shaded: look.facts.shaded && !standard,
             packed: splats.rows().packed,
-            objects: look.objects_differ,
+            objects: look.facts.objects_differ,
             hidden: self.masked,
         };
         self.kernels.find(variant, |&variant| Quads::kernel(gpu, variant))

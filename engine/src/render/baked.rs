@@ -69,7 +69,7 @@ pub fn baked(gpu: &Gpu, set: &SplatSet, look: &Look) -> Result<Baked> {
     let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
     let mut scene = Scene::new(gpu, Some(&set), None, look)?;
     let rows = scene.look_buffers().rows.read()?;
-    let lamp = scene.look_buffers().shaded.then(|| Lamp::new(&rows[0]));
+    let lamp = scene.look_buffers().facts.shaded.then(|| Lamp::new(&rows[0]));
     let mut functions: Vec<&TransferFunction> = Vec::new();
     for object in set.objects() {
         let function = look.function_of(object.number);

@@ -388,7 +388,7 @@ impl GpuVolume {
                 none.insert((VoxelGradients::new(gpu, &self.image, &self.bricks)?, None))
             }
         };
-        let key = (self.dark(look), objects.then(|| look.shown.clone()));
+        let key = (self.dark(look), objects.then(|| look.facts.shown.clone()));
         if made_of.as_ref() != Some(&key) {
             let source = GradientSource {
                 grid: self.grid,
@@ -407,7 +407,7 @@ impl GpuVolume {
 
     /// Returns v₀ of the gradients as a fraction.
     fn dark(&self, look: &LookBuffers) -> f32 {
-        ((look.dark - self.scale.first) / self.scale.span.max(f64::MIN_POSITIVE)) as f32
+        ((look.facts.dark - self.scale.first) / self.scale.span.max(f64::MIN_POSITIVE)) as f32
     }
 
     /// Returns the intensity per voxel that 1 of a kept gradient stands for.

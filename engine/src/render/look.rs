@@ -7,8 +7,9 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{DVec3, DVec4};
 use shaders_glsl::types;
 
+use super::frames::IN_FLIGHT;
 use crate::error::{Error, Kind, Result};
-use crate::gpu::{Buffer, Gpu};
+use crate::gpu::{Buffer, Gpu, Recorder, UploadRing};
 use crate::splat::{Object, SplatSet, usual_colours};
 use crate::transfer::{FixedTo, Light, MOST_FILL, Table, TransferFunction};
 
@@ -178,22 +179,12 @@ const NARROW: f64 = 60.0;
 /// Number of looks that were created so far.
 static LOOKS: AtomicU64 = AtomicU64::new(0);
 
-/// A look on the device.
-pub struct LookBuffers {
-    /// Number of the look, different for every one.
-    pub number: u64,
-    /// Parameters of the look, one row.
-    pub rows: Buffer<types::Look>,
-    /// Colour and extinction of each entry, packed.
-    pub points: Buffer<[u32; 2]>,
-    /// Integrals of colour and extinction over the table.
-    pub integrals: Buffer<[u32; 4]>,
-    /// For each entry of the table the number of visible entries before it; one more than there are entries.
-    pub visible: Buffer<u32>,
-    /// Factors of the opacity over the gradient magnitude, a table for each function.
-    pub gradient_factors: Buffer<f32>,
-    /// Appearance of each object, by its number.
-    pub appearances: Buffer<types::Appearance>,
+/// Pieces of host memory through which looks reach the device: one for each frame in flight, and one more.
+const PIECES: usize = IN_FLIGHT + 1;
+
+/// What is told of a look without its tables.
+#[derive(Clone, Debug, Default)]
+pub struct LookFacts {
     /// v₀ of the gradient.
     pub dark: f64,
     /// What the appearance of each object leaves of its O, by its number.
@@ -212,10 +203,19 @@ pub struct LookBuffers {
     pub own_functions: bool,
 }
 
-impl LookBuffers {
-    /// Uploads the look of a scene whose intensities lie in `range` and whose origin is at `origin` in the
-    /// world, mm RAS.
-    pub fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
+/// A look as the device gets it.
+struct LookTables {
+    facts: LookFacts,
+    rows: Vec<types::Look>,
+    points: Vec<[u32; 2]>,
+    integrals: Vec<[u32; 4]>,
+    visible: Vec<u32>,
+    gradient_factors: Vec<f32>,
+    appearances: Vec<types::Appearance>,
+}
+
+impl LookTables {
+    fn new(look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
         if look.clip.len() > PLANES {
             return Err(Error::new(
                 Kind::Usage,
@@ -236,10 +236,6 @@ impl LookBuffers {
             function_of[usize::from(number)] = at as u32;
         }
         let tables: Vec<Table> = functions.iter().map(|function| Table::new(function, range)).collect();
-        let points: Vec<[u32; 2]> = tables.iter().flat_map(|t| t.points.iter().map(|&p| packed(p))).collect();
-        let integrals: Vec<[u32; 4]> = tables.iter().flat_map(|t| t.integrals.iter().copied()).collect();
-        let factors: Vec<f32> = tables.iter().flat_map(|t| t.gradient_factors.iter().copied()).collect();
-        let visible = visible_before(&tables);
         let mut planes = [[0.0; 4]; PLANES];
         for (to, plane) in planes.iter_mut().zip(&look.clip) {
             let row: DVec4 = plane.normal.extend(plane.normal.dot(origin) - plane.offset);
@@ -286,23 +282,109 @@ impl LookBuffers {
                 row
             })
             .collect();
-        Ok(LookBuffers {
-            number: LOOKS.fetch_add(1, Ordering::Relaxed),
-            rows: gpu.upload("look", "transfer function", &rows)?,
-            points: gpu.upload("transfer function", "transfer function", &points)?,
-            integrals: gpu.upload("integrals of the transfer function", "transfer function", &integrals)?,
-            visible: gpu.upload("visible entries", "transfer function", &visible)?,
-            gradient_factors: gpu.upload("gradient opacities", "transfer function", &factors)?,
-            appearances: gpu.upload("appearances of objects", "transfer function", &appearances)?,
-            dark,
-            shown: appearances.iter().map(|object| object.opacity * object.visible as f32).collect(),
-            shaded: material.shade,
-            occluded: material.shade && material.occlusion > 0.0,
-            graded: look.depends_on_gradient(),
-            objects_differ: !look.objects.values().all(Appearance::is_plain),
-            own_functions: tables.len() > 1,
-            hides: look.objects.values().any(|object| !object.visible),
+        Ok(LookTables {
+            facts: LookFacts {
+                dark,
+                shown: appearances.iter().map(|object| object.opacity * object.visible as f32).collect(),
+                shaded: material.shade,
+                occluded: material.shade && material.occlusion > 0.0,
+                graded: look.depends_on_gradient(),
+                objects_differ: !look.objects.values().all(Appearance::is_plain),
+                hides: look.objects.values().any(|object| !object.visible),
+                own_functions: tables.len() > 1,
+            },
+            rows,
+            points: tables.iter().flat_map(|t| t.points.iter().map(|&p| packed(p))).collect(),
+            integrals: tables.iter().flat_map(|t| t.integrals.iter().copied()).collect(),
+            visible: visible_before(&tables),
+            gradient_factors: tables.iter().flat_map(|t| t.gradient_factors.iter().copied()).collect(),
+            appearances,
         })
+    }
+}
+
+/// A look on the device. Its buffers are written in place: what is submitted reads the look that was set last before.
+pub struct LookBuffers {
+    /// Number of the look, different for every one.
+    pub number: u64,
+    /// What is told of the look without its tables.
+    pub facts: LookFacts,
+    /// Parameters of the look, one row for each function.
+    pub rows: Buffer<types::Look>,
+    /// Colour and extinction of each entry, packed.
+    pub points: Buffer<[u32; 2]>,
+    /// Integrals of colour and extinction over the table.
+    pub integrals: Buffer<[u32; 4]>,
+    /// For each entry of the table the number of visible entries before it; one more than there are entries.
+    pub visible: Buffer<u32>,
+    /// Factors of the opacity over the gradient magnitude, a table for each function.
+    pub gradient_factors: Buffer<f32>,
+    /// Appearance of each object, by its number.
+    pub appearances: Buffer<types::Appearance>,
+    gpu: Gpu,
+    range: [f64; 2],
+    origin: DVec3,
+    ring: UploadRing,
+}
+
+impl LookBuffers {
+    /// Uploads the look of a scene whose intensities lie in `range` and whose origin is at `origin` in the
+    /// world, mm RAS.
+    pub fn new(gpu: &Gpu, look: &Look, range: [f64; 2], origin: DVec3) -> Result<Self> {
+        let mut buffers = Self::with_room(gpu, &LookTables::new(look, range, origin)?, range, origin)?;
+        buffers.set(look, |_, _| ())?;
+        Ok(buffers)
+    }
+
+    /// Creates buffers for as many functions as `tables` have, each over the whole range.
+    fn with_room(gpu: &Gpu, tables: &LookTables, range: [f64; 2], origin: DVec3) -> Result<Self> {
+        const PURPOSE: &str = "transfer function";
+        let (functions, entries) = (tables.rows.len(), Table::most_entries(range));
+        let rows = gpu.buffer("look", PURPOSE, functions)?;
+        let points = gpu.buffer("transfer function", PURPOSE, functions * entries)?;
+        let integrals = gpu.buffer("integrals of the transfer function", PURPOSE, functions * entries)?;
+        let visible = gpu.buffer("visible entries", PURPOSE, entries + 1)?;
+        let gradient_factors = gpu.buffer("gradient opacities", PURPOSE, tables.gradient_factors.len())?;
+        let appearances = gpu.buffer("appearances of objects", PURPOSE, OBJECTS)?;
+        let bytes = [rows.bytes(), points.bytes(), integrals.bytes(), visible.bytes()].iter().sum::<u64>()
+            + gradient_factors.bytes()
+            + appearances.bytes();
+        Ok(LookBuffers {
+            number: 0,
+            facts: LookFacts::default(),
+            rows,
+            points,
+            integrals,
+            visible,
+            gradient_factors,
+            appearances,
+            gpu: gpu.clone(),
+            range,
+            origin,
+            ring: UploadRing::new(gpu, "looks on their way", PIECES, bytes as usize)?,
+        })
+    }
+
+    /// Changes the look, in one submission with what `also` records after it. Waits for nothing, and allocates only if
+    /// more functions are shown than ever before.
+    pub fn set(&mut self, look: &Look, also: impl FnOnce(&mut Recorder, &Self)) -> Result<()> {
+        let tables = LookTables::new(look, self.range, self.origin)?;
+        if tables.rows.len() > self.rows.len() {
+            *self = Self::with_room(&self.gpu, &tables, self.range, self.origin)?;
+        }
+        let mut recorder = self.gpu.record()?;
+        self.ring.begin()?;
+        self.ring.write(&mut recorder, &tables.rows, &mut self.rows)?;
+        self.ring.write(&mut recorder, &tables.points, &mut self.points)?;
+        self.ring.write(&mut recorder, &tables.integrals, &mut self.integrals)?;
+        self.ring.write(&mut recorder, &tables.visible, &mut self.visible)?;
+        self.ring.write(&mut recorder, &tables.gradient_factors, &mut self.gradient_factors)?;
+        self.ring.write(&mut recorder, &tables.appearances, &mut self.appearances)?;
+        self.number = LOOKS.fetch_add(1, Ordering::Relaxed);
+        self.facts = tables.facts;
+        also(&mut recorder, self);
+        self.ring.submitted(recorder.submit()?);
+        Ok(())
     }
 }
 

@@ -46,13 +46,14 @@ impl SplatKind {
         }
     }
 
+    /// Returns the mode of the best quality level.
+    pub fn usual_mode(self) -> &'static str {
+        quality_levels(self)[0].mode
+    }
+
     /// Returns the only mode that shows such splats as they are meant; `None` if every mode does.
     pub fn own_mode(self) -> Option<&'static str> {
-        match self {
-            SplatKind::Field => None,
-            SplatKind::Grid => Some("decoded"),
-            SplatKind::Coloured => Some("alpha"),
-        }
+        (self != SplatKind::Field).then(|| self.usual_mode())
     }
 
     /// Returns the kind of a set's splats.
@@ -138,7 +139,7 @@ mod tests {
     #[test]
     fn levels_of_every_kind_begin_with_all_and_go_down() {
         for (kind, first, coarseness) in [
-            (SplatKind::Field, "slab", 1.0),
+            (SplatKind::Field, "decoded", 0.25),
             (SplatKind::Grid, "decoded", 0.25),
             (SplatKind::Coloured, "alpha", 1.0),
         ] {

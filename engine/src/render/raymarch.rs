@@ -114,11 +114,11 @@ impl Raymarch {
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
         // Splats of a hidden object are still in the decoded field.
         let objects = match volume.is_atlas() {
-            true if look.own_functions => glsl::medium::OWN_FUNCTIONS,
-            true if look.objects_differ || look.hides => glsl::medium::TINTS,
+            true if look.facts.own_functions => glsl::medium::OWN_FUNCTIONS,
+            true if look.facts.objects_differ || look.facts.hides => glsl::medium::TINTS,
             _ => 0,
         };
-        (objects, look.shaded || look.graded)
+        (objects, look.facts.shaded || look.facts.graded)
     }
 
     /// Returns the index of the kernel or drawing for the look of the scene at a quality; creates it if necessary. `kept`
@@ -138,8 +138,8 @@ impl Raymarch {
             u32::from(shaded),
             u32::from(settings.masked),
             u32::from(settings.jitter),
-            u32::from(look.occluded && quality.occlusion),
-            u32::from(look.graded),
+            u32::from(look.facts.occluded && quality.occlusion),
+            u32::from(look.facts.graded),
             u32::from(kept),
         ];
         match &mut self.start {

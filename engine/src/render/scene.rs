@@ -58,12 +58,20 @@ impl Scene {
         Ok(scene)
     }
 
-    /// Changes how the scene is seen. Frames in flight are not disturbed.
+    /// Changes how the scene is seen, from the next frame on: what is in flight shows the look that it was begun with.
+    /// Nothing is waited for, and memory is allocated only if more functions are shown than ever before.
     pub fn set_look(&mut self, look: &Look) -> Result<()> {
-        let range = range_of(self.splats.as_ref(), self.volume.as_ref());
-        self.buffers = LookBuffers::new(&self.gpu, look, range, self.origin)?;
+        if *look == self.look {
+            return Ok(());
+        }
+        let splats = &mut self.splats;
+        self.buffers.set(look, |recorder, buffers| {
+            if let Some(splats) = splats {
+                splats.record_activity(recorder, buffers);
+            }
+        })?;
         self.look = look.clone();
-        self.list_active()
+        Ok(())
     }
 
     /// Renders at most `budget` splats from now on: the most important of those that the look can show, by

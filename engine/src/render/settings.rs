@@ -96,7 +96,7 @@ impl Settings {
     /// Returns how a scene is classified, and true if it is lit: kernels are created for both.
     pub(super) fn variant(&self, scene: &Scene) -> (Classification, bool) {
         let classification = self.classification.unwrap_or_else(|| scene.look().classification());
-        (classification, scene.look_buffers().shaded)
+        (classification, scene.look_buffers().facts.shaded)
     }
 }
 

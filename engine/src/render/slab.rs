@@ -81,7 +81,7 @@ impl Slab {
     fn kernel(&mut self, scene: &Scene) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (classification, shaded) = settings.variant(scene);
-        let objects = scene.look_buffers().objects_differ;
+        let objects = scene.look_buffers().facts.objects_differ;
         self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
                 scene.expect_splats().field.kernel.id(),

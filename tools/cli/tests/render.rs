@@ -29,7 +29,9 @@ fn a_picture_of_splats_is_like_that_of_their_volume() {
     fn of<'a>(more: &[&'a str], shared: &[&'a str]) -> Vec<&'a str> {
         [&["render"], more, shared].concat()
     }
-    let json = folder.run(&of(&["s.ply", "-o", "slab.png", "--json"], &shared)).json();
+    let usual = folder.run(&of(&["s.ply", "-o", "usual.png", "--json"], &shared)).json();
+    assert_eq!(usual["mode"], "decoded");
+    let json = folder.run(&of(&["s.ply", "-o", "slab.png", "--mode", "slab", "--json"], &shared)).json();
     assert_eq!(json["mode"], "slab");
     assert_eq!((json["size"].clone(), json["frames"].as_u64()), (serde_json::json!([96, 80]), Some(1)));
     assert!(
@@ -40,9 +42,10 @@ fn a_picture_of_splats_is_like_that_of_their_volume() {
     assert_eq!(slab.image.size, [96, 80]);
     assert!((300..7000).contains(&seen(&slab)), "{}", seen(&slab));
 
-    for (name, more) in [("exact", ["--mode", "exact"]), ("packed", ["--precision", "packed"])] {
+    let packed = ["--mode", "slab", "--precision", "packed"];
+    for (name, more) in [("exact", &["--mode", "exact"][..]), ("packed", &packed)] {
         let output = format!("{name}.png");
-        let ended = folder.run(&of(&[&["s.ply", "-o", &output], more.as_slice()].concat(), &shared));
+        let ended = folder.run(&of(&[&["s.ply", "-o", &output], more].concat(), &shared));
         assert_eq!(ended.code, 0, "{}", ended.err);
         let db = psnr(&slab.image, &picture(&folder, &output).image).expect("pictures of one size");
         println!("{name}: {db:.1} dB");

@@ -66,9 +66,10 @@ pub fn script(frames: u64) -> Script {
     Script { eye_size: [96, 112], real_time: false, frames: Some(frames), ..Script::default() }
 }
 
-/// Returns the levels of these splats, and one in mode alpha.
+/// Returns the levels of these splats, after one in mode slab and before one in mode alpha.
 pub fn all_levels() -> Vec<QualityLevel> {
-    let mut all = quality_levels(SplatKind::Field).to_vec();
+    let mut all = vec![QualityLevel { mode: "slab", quality: Quality::FULL, cost: 1.5 }];
+    all.extend(quality_levels(SplatKind::Field));
     let last = all.last().expect("levels").cost;
     let quality = Quality { resolution: 0.7, coarseness: 1.0, occlusion: false };
     all.push(QualityLevel { mode: "alpha", quality, cost: 0.5 * last });

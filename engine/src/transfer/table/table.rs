@@ -78,6 +78,13 @@ impl Table {
         Table { first, step, points, integrals, integral_unit, gradient_factors, gradient_step }
     }
 
+    /// Returns the most entries of a table of any function for intensities in `range`.
+    pub fn most_entries(range: [f64; 2]) -> usize {
+        // In steps of 1 the range and its ends; in finer steps less than twice the fewest.
+        let in_steps = (range[1] - range[0]).ceil() + 5.0;
+        if in_steps < MAX_LEN as f64 { (in_steps as usize).max(2 * MIN_LEN) } else { MAX_LEN }
+    }
+
     /// Returns the number of entries.
     pub fn len(&self) -> usize {
         self.points.len()

@@ -134,12 +134,10 @@ fn size(text: &str) -> Result<[u32; 2]> {
     }
 }
 
-/// Returns the quality levels whose stages the model knows: those with mode slab of splats that are right
-/// between the voxels, those of splats for the grid, which have mode decoded, and those of coloured splats, which
-/// have mode alpha.
+/// Returns the quality levels of splats for the grid, which have mode decoded, and of coloured splats, which have
+/// mode alpha. Those of the field are ways to render of the first.
 fn modelled() -> Vec<QualityLevel> {
-    let slabs = quality_levels(SplatKind::Field).iter().filter(|level| level.mode == "slab");
-    slabs.chain(quality_levels(SplatKind::Grid)).chain(quality_levels(SplatKind::Coloured)).copied().collect()
+    [SplatKind::Grid, SplatKind::Coloured].into_iter().flat_map(quality_levels).copied().collect()
 }
 
 fn shot(level: &QualityLevel, size: [u32; 2]) -> Shot {
@@ -428,7 +426,7 @@ mod tests {
     fn levels_are_named_as_in_the_tables() {
         let levels = modelled();
         let names: Vec<String> = levels.iter().map(|r| rendering(&shot(r, [8; 2]))).collect();
-        assert_eq!(names[0], "slab");
+        assert_eq!(names[0], "decoded, steps × 0.25");
         assert_eq!(distinct(names.iter()).len(), levels.len());
         let shot = shot(&levels[levels.len() - 1], [100, 80]);
         assert!(shot.depth && shot.views == 2 && shot.size == [100, 80]);

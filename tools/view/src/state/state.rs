@@ -129,9 +129,9 @@ impl Subject {
 #[serde(rename_all = "lowercase")]
 pub enum SplatMode {
     /// Slabs of splats, classified after adding up.
-    #[default]
     Slab,
     /// The field decoded on the CT's own voxels, ray-marched.
+    #[default]
     Decoded,
     /// Splats sorted and blended; the fastest mode.
     Alpha,
@@ -287,7 +287,7 @@ impl Edited {
 
 impl SplatMode {
     /// All modes, in the order in which one steps through them.
-    pub const ALL: [SplatMode; 4] = [SplatMode::Slab, SplatMode::Decoded, SplatMode::Alpha, SplatMode::Exact];
+    pub const ALL: [SplatMode; 4] = [SplatMode::Decoded, SplatMode::Slab, SplatMode::Exact, SplatMode::Alpha];
 
     /// Returns the modes that show splats of a kind as they are meant, in the order in which one steps through them.
     pub fn of_kind(kind: SplatKind) -> Vec<SplatMode> {

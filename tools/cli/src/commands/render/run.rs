@@ -81,10 +81,10 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     // If the volume is rendered, the splats would enlarge the view for nothing.
     let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
     let kind = set.as_ref().map(SplatKind::of);
-    if let Some((kind, own)) = kind.and_then(|kind| Some((kind, kind.own_mode()?))) {
+    if let Some(kind) = kind {
         if arguments.mode.is_none() {
-            row = mode(own)?;
-        } else if row.name != own {
+            row = mode(kind.usual_mode())?;
+        } else if kind.own_mode().is_some_and(|own| own != row.name) {
             let why = match kind {
                 SplatKind::Coloured => "these splats have colours and no intensity that could be classified",
                 _ => "these splats are fitted for the voxels of their CT alone (vgs.form grid)",
@@ -256,7 +256,7 @@ impl RenderArguments {
     }
 
     fn mode_row(&self) -> Result<&'static ModeRow> {
-        let name = self.mode.unwrap_or(if self.splats.is_empty() { "volume" } else { "slab" });
+        let name = self.mode.unwrap_or(if self.splats.is_empty() { "volume" } else { "decoded" });
         let row = mode(name)?;
         if row.of_splats && self.splats.is_empty() {
             return Err(Error::new(Kind::Usage, "VGS-CLI-090", format!("--mode {name} renders splats"))

@@ -38,7 +38,7 @@ impl Choice {
     /// Returns the choice with which the quality levels for splats of this kind begin.
     pub fn best(kind: SplatKind) -> Self {
         match kind {
-            SplatKind::Field => Self::usual("slab"),
+            SplatKind::Field => Choice { step: FINEST_DECODED, ..Self::usual("decoded") },
             SplatKind::Grid => Choice { step: FINEST_DECODED, ..Self::of_grid() },
             SplatKind::Coloured => Self::usual("alpha"),
         }

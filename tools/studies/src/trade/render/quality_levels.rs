@@ -93,22 +93,22 @@ mod tests {
 
     #[test]
     fn quality_levels_follow_the_front_in_steps() {
-        let slab = Choice::usual("slab");
+        let field = Choice::best(SplatKind::Field);
         let alpha = |resolution: f64| Choice { resolution, ..Choice::usual("alpha") };
         let rows = [
             row(Choice::usual("exact"), 5.0, 40.0),
-            row(slab.clone(), 1.0, 38.0),
-            // Hardly cheaper than the slabs.
-            row(Choice { step: 1.5, ..slab.clone() }, 0.9, 37.0),
-            row(Choice { step: 2.0, ..slab.clone() }, 0.7, 36.0),
+            row(field.clone(), 1.0, 38.0),
+            // Hardly cheaper than the first.
+            row(Choice { step: 1.5, ..field.clone() }, 0.9, 37.0),
+            row(Choice { step: 2.0, ..field.clone() }, 0.7, 36.0),
             // Dearer and worse.
             row(alpha(1.0), 0.75, 30.0),
             row(alpha(0.7), 0.4, 29.0),
             // Cannot be a quality level.
-            row(Choice { packed: true, ..slab.clone() }, 0.5, 37.9),
+            row(Choice { packed: true, ..field.clone() }, 0.5, 37.9),
             row(alpha(0.5), 0.2, 25.0),
             // Leaves something out.
-            row(Choice { splats: 0.3, ..slab.clone() }, 0.3, 35.0),
+            row(Choice { splats: 0.3, ..field.clone() }, 0.3, 35.0),
             // Other splats.
             row(Choice::best(SplatKind::Grid), 0.5, 45.0),
             row(Choice::of_grid(), 0.3, 40.0),
