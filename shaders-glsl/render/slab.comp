@@ -29,6 +29,7 @@ layout(push_constant, scalar) uniform SlabParams {
     float epsilon;
     float occupancy_w0;
     float dark;
+    uint first_row;
 } p;
 layout(scalar, binding = 4) readonly buffer Starts { uint starts[]; };
 layout(scalar, binding = 5) readonly buffer Pairs { uint pairs[]; };
@@ -104,7 +105,7 @@ void main() {
     uint lane = gl_LocalInvocationIndex % LANES;
     uint first_part = gl_WorkGroupID.x % groups * SIDE_BY_SIDE;
     uint part = first_part + gl_LocalInvocationIndex / LANES;
-    uvec2 tile = uvec2(gl_WorkGroupID.x / groups, gl_WorkGroupID.y);
+    uvec2 tile = uvec2(gl_WorkGroupID.x / groups, p.first_row + gl_WorkGroupID.y);
     View v = views[gl_WorkGroupID.z];
     uvec2 pixel = tile * TILE + uvec2((part & 3u) * 4, (part >> 2) * 8) + uvec2(lane & 3u, lane >> 2);
     uint list_tile = (gl_WorkGroupID.z * p.grid.tiles.y + tile.y) * p.grid.tiles.x + tile.x;

@@ -391,6 +391,8 @@ shared! {
         occupancy_w0: f32,
         /// Least light: rays end when less than this would pass.
         dark: f32,
+        /// First row of tiles.
+        first_row: u32,
     }
     /// Push constants of `mark_active`.
     ActivityParams {

@@ -4,8 +4,8 @@ use std::time::Duration;
 
 use engine::gpu::{Gpu, Ticket};
 use engine::render::{
-    Appearance, Camera, ClipPlane, Fov, Frames, Look, Quality, QualityLevel, Renderer, Scene, Settings,
-    SplatKind, VisibilityMask, mode, quality_levels,
+    Appearance, Camera, ClipPlane, Fov, Frames, Look, Part, Quality, QualityLevel, Rays, Renderer, Scene,
+    Settings, SplatKind, VisibilityMask, mode, quality_levels,
 };
 use engine::splat::{Field, Form, Grid, Splat, SplatSet};
 use engine::transfer::preset;
@@ -244,6 +244,43 @@ fn a_look_that_is_set_meanwhile_is_that_of_the_next_frame() {
             frames.submit(frame, &scene, &head).expect("submitted");
             scene.set_look(&looks[(at + 1) % looks.len()]).expect("a look");
             assert!(frames.target.read_colour(0).expect("a picture") == *expected, "{}: {at}", level.mode);
+        }
+    }
+}
+
+/// A picture in parts, with other submissions between them, has the bits of one at once.
+#[test]
+fn parts_are_the_whole_picture() {
+    let gpu = Device::boot();
+    let mut scene = scene(&gpu);
+    scene.set_look(&dragged(1)).expect("a look");
+    let head = eyes(&scene);
+    for level in all_levels() {
+        let row = mode(level.mode).expect("a mode");
+        for rays in [Rays::Rasterized, Rays::Computed] {
+            let settings = Settings { depth: true, rays, ..settings() };
+            let [mut whole, mut parts] =
+                [0, 1].map(|_| Renderer::new(&gpu, row, &scene, &settings).expect("a renderer"));
+            whole.render_at(&scene, &head, &level.quality).expect("a picture");
+            for _ in 0..2 {
+                let (mut part, mut bands) = (Part::first(40), 40);
+                loop {
+                    let ticket = parts.submit(&scene, &head, &level.quality, part).expect("submitted");
+                    whole.render_at(&scene, &head, &level.quality).expect("a picture");
+                    gpu.wait(ticket).expect("rendered");
+                    bands += 31;
+                    let Some(next) = part.next(bands) else { break };
+                    part = next;
+                }
+                // The first time may have found out what room it needs.
+                parts.settle().expect("room");
+            }
+            for view in 0..2 {
+                let [a, b] = [&whole, &parts].map(|r| r.target.read_colour(view).expect("a picture"));
+                let [near, far] = [&whole, &parts].map(|r| r.target.read_depth(view).expect("a depth"));
+                assert!(a.iter().any(|pixel| pixel[3] > 0.5), "{}: something is seen", level.mode);
+                assert!(a == b && near == far, "{} {rays:?}: view {view}", level.mode);
+            }
         }
     }
 }

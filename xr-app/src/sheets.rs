@@ -105,7 +105,7 @@ impl Sheets {
         Ok(Sheets {
             gpu: gpu.clone(),
             drawing: EyeDrawing::new(gpu, SHADERS, Overlap::Blended, format, depth)?,
-            textures: Textures::new(gpu),
+            textures: Textures::new(gpu)?,
             changes: TexturesDelta::default(),
             mesh: Mesh::default(),
             plane_of: Vec::new(),

@@ -6,7 +6,7 @@ use std::sync::atomic::AtomicBool;
 use crate::support::{all_levels, device, options, scene, script, session, silent};
 use engine::gpu::Gpu;
 use engine::render::{Fov, Renderer, Settings, VisibilityMask, mode};
-use glam::{DQuat, DVec3};
+use glam::{DQuat, DVec2, DVec3};
 use xr_app::headset::simulated::{Script, Simulated, sway};
 use xr_app::headset::{Blend, Event, Hand, Hands, Headset, Pose};
 use xr_app::viewer::{Options, Viewer};
@@ -142,6 +142,27 @@ fn a_hand_carries_the_patient_along() {
     let moved = carried.placement().position - resting.placement().position;
     assert!((moved - DVec3::X * 0.09).length() < 1e-9, "nine steps of 1 cm: {moved}");
     assert_eq!(carried.placement().scale, 1.0);
+    silent(&gpu);
+}
+
+/// While window and level move and a cutting plane is in the hand, every frame has a look of its own; no frame allocates
+/// memory, makes a pipeline or waits for anything but its turn.
+#[test]
+fn a_look_for_every_frame_makes_none_late() {
+    fn cuts(seconds: f64) -> Hands {
+        let frame = (seconds * 72.0).round();
+        let grip = Pose { position: DVec3::new(0.002 * frame, 0.0, -0.5), orientation: DQuat::IDENTITY };
+        let stick = DVec2::new(0.4, 0.8 * (0.2 * frame).cos());
+        let other = (2.0..4.0).contains(&frame);
+        [Hand::default(), Hand { grip: Some(grip), stick, other, ..Hand::default() }]
+    }
+    let gpu = device();
+    let before = scene(&gpu).look().clone();
+    let (viewer, headset) = session(&gpu, still(60, cuts), options());
+    let (report, look) = (viewer.report(&headset), viewer.scene().look());
+    assert!(look.transfer != before.transfer && look.clip.len() == 1, "{:?}", look.clip);
+    assert_eq!((report.allocations, report.pipelines), (0, 0));
+    assert!(report.waits <= report.frames + 1, "{} waits in {} frames", report.waits, report.frames);
     silent(&gpu);
 }
 

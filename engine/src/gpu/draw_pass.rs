@@ -25,12 +25,20 @@ pub struct DrawPass<'a> {
     bindings: Bindings,
     push: Vec<u8>,
     size: Option<[u32; 2]>,
+    rows: Option<Range<u32>>,
 }
 
 impl Recorder {
     /// Starts a drawing.
     pub fn draw<'a>(&'a mut self, drawing: &'a Drawing) -> DrawPass<'a> {
-        DrawPass { recorder: self, drawing, bindings: Bindings::default(), push: Vec::new(), size: None }
+        DrawPass {
+            recorder: self,
+            drawing,
+            bindings: Bindings::default(),
+            push: Vec::new(),
+            size: None,
+            rows: None,
+        }
     }
 }
 
@@ -63,6 +71,13 @@ impl<'a> DrawPass<'a> {
         self
     }
 
+    /// Draws into these rows only; nothing else changes of what is drawn there.
+    #[must_use]
+    pub fn in_rows(mut self, rows: Range<u32>) -> Self {
+        self.rows = Some(rows);
+        self
+    }
+
     /// Records the drawing into `pictures`, over what they hold. When it runs it reads `arguments[index]`:
     /// vertices, instances, first vertex, first instance.
     ///
@@ -84,7 +99,7 @@ impl<'a> DrawPass<'a> {
 
     /// Checks that everything is bound, and records the drawing.
     fn record(self, pictures: &mut [&mut Image], vertices: Vertices) {
-        let DrawPass { recorder, drawing, mut bindings, push, size } = self;
+        let DrawPass { recorder, drawing, mut bindings, push, size, rows } = self;
         let name = drawing.vertex.name;
         assert_eq!(bindings.accesses.len(), drawing.bindings.len(), "{name}: a resource is missing");
         assert_eq!(push.len(), drawing.push_bytes, "{name}: push constants differ in size");
@@ -103,7 +118,15 @@ impl<'a> DrawPass<'a> {
         let whole = [pictures[0].size()[0], pictures[0].size()[1]];
         let [width, height] = size.unwrap_or(whole);
         assert!(width <= whole[0] && height <= whole[1], "{name}: larger than the pictures");
-        let area = vk::Rect2D { offset: vk::Offset2D::default(), extent: vk::Extent2D { width, height } };
+        let rows = rows.unwrap_or(0..height);
+        assert!(rows.end <= height, "{name}: rows behind the end");
+        if rows.is_empty() {
+            return;
+        }
+        let area = vk::Rect2D {
+            offset: vk::Offset2D { x: 0, y: rows.start as i32 },
+            extent: vk::Extent2D { width, height: rows.end - rows.start },
+        };
         let attachment = |p: &&mut Image| {
             vk::RenderingAttachmentInfo::default()
                 .image_view(p.view)

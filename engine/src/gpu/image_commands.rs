@@ -6,7 +6,6 @@ use bytemuck::Pod;
 use super::hazards::Resident;
 use super::image::whole;
 use super::{Buffer, Image, Recorder};
-use crate::error::Result;
 
 impl Recorder {
     /// Brings a new image into the general layout, and clears it.
@@ -73,34 +72,5 @@ impl Recorder {
                 );
             }
         });
-    }
-
-    /// Overwrites a rectangle of a picture of one layer, from `corner` on, with `texels`, rows from the top.
-    ///
-    /// # Panics
-    /// If the rectangle is not inside the picture, or `texels` is not one `T` of a texel's size for each of
-    /// its texels.
-    pub fn write_rectangle<T: Pod>(
-        &mut self,
-        image: &mut Image,
-        corner: [u32; 2],
-        size: [u32; 2],
-        texels: &[T],
-    ) -> Result<()> {
-        let name = image.name();
-        assert_eq!(size_of::<T>(), image.format().bytes(), "{name}: texels differ in size");
-        assert_eq!(texels.len(), (size[0] * size[1]) as usize, "{name}: number of texels");
-        assert!(
-            (0..2).all(|i| corner[i] + size[i] <= image.size()[i]) && image.layers() == 1,
-            "{name}: a rectangle outside"
-        );
-        let staging = self.gpu.staged(&format!("{name} upload"), texels)?;
-        let region = image
-            .region()
-            .image_offset(vk::Offset3D { x: corner[0] as i32, y: corner[1] as i32, z: 0 })
-            .image_extent(vk::Extent3D { width: size[0], height: size[1], depth: 1 });
-        self.fill_image(&staging, image, region);
-        self.keep(staging);
-        Ok(())
     }
 }

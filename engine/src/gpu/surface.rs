@@ -112,7 +112,9 @@ impl Surface {
     /// Acquires the next image when the frame before is finished. Returns `None` while the window is
     /// minimised or between two sizes; the caller asks again when the window wants to be drawn.
     pub fn acquire(&mut self) -> Result<Option<Acquired>> {
-        if let Some(ticket) = self.last.take() {
+        if let Some(ticket) = self.last.take()
+            && !self.gpu.has_finished(ticket)?
+        {
             self.gpu.wait(ticket)?;
         }
         self.acquire_within(u64::MAX)

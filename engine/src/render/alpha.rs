@@ -15,6 +15,7 @@ use shaders_glsl as glsl;
 use shaders_glsl::types::{AlphaParams, QuadParams};
 
 use super::mode::Mode;
+use super::part::Part;
 use super::quality::Quality;
 use super::scene::Scene;
 use super::settings::Settings;
@@ -94,16 +95,14 @@ impl Alpha {
         };
         self.kernels.find(variant, |&variant| Quads::kernel(gpu, variant))
     }
-}
 
-impl Mode for Alpha {
-    fn record(
+    /// Records what the drawing of a picture of `size` pixels reads: the quads of the splats, in their order.
+    fn prepare(
         &mut self,
         recorder: &mut Recorder,
         scene: &Scene,
         views: &Views,
-        target: &mut Target,
-        quality: &Quality,
+        size: [u32; 2],
     ) -> Result<()> {
         let kernel = self.kernel(scene)?;
         let (splats, look) = (scene.expect_splats(), scene.look_buffers());
@@ -126,21 +125,41 @@ impl Mode for Alpha {
             active: (splats.active(), &self.count),
             objects: (splats.active_objects(), &look.appearances),
         };
-        let size = quality.size(self.params.size);
         let params = QuadParams { size, splat_count: splats.count as u32, ..self.params };
         self.quads.record(recorder, &self.kernels[kernel], views, &sources, &params);
-        recorder.clear_image(&target.colour, [0.0; 4]);
+        Ok(())
+    }
+}
+
+impl Mode for Alpha {
+    fn record(
+        &mut self,
+        recorder: &mut Recorder,
+        scene: &Scene,
+        views: &Views,
+        target: &mut Target,
+        quality: &Quality,
+        part: Part,
+    ) -> Result<()> {
+        let size = quality.size(self.params.size);
+        if part.is_first() {
+            self.prepare(recorder, scene, views, size)?;
+            recorder.clear_image(&target.colour, [0.0; 4]);
+            if self.depth {
+                recorder.clear_image(&target.depth, [0.0; 4]);
+            }
+        }
         let mut pictures = vec![&mut target.colour];
         if self.depth {
-            recorder.clear_image(&target.depth, [0.0; 4]);
             pictures.push(&mut target.depth);
         }
         recorder
             .draw(&self.drawing)
             .read("quads", &self.quads.rows)
             .read("order", self.quads.order())
-            .push(&AlphaParams { splat_count: params.splat_count })
+            .push(&AlphaParams { splat_count: scene.expect_splats().count as u32 })
             .within(size)
+            .in_rows(part.rows(size[1]))
             .over(&mut pictures, &self.quads.arguments, 0);
         Ok(())
     }

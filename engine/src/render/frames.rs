@@ -9,6 +9,7 @@ use shaders_glsl::types::View;
 use super::camera::Camera;
 use super::mode::Mode;
 use super::modes::mode;
+use super::part::Part;
 use super::quality_levels::QualityLevel;
 use super::scene::Scene;
 use super::settings::Settings;
@@ -109,6 +110,7 @@ impl Frames {
     /// Renders the scene once on every level as `cameras` see it, and waits. Afterwards all kernels exist,
     /// and all buffers hold what such frames need, with a margin.
     pub fn warm_up(&mut self, scene: &Scene, cameras: &[Camera]) -> Result<()> {
+        self.modes.iter_mut().try_for_each(|mode| mode.warm_up(scene))?;
         for level in 0..self.levels.len() {
             let frame = self.begin(scene, level)?;
             let ticket = self.submit(frame, scene, cameras)?;
@@ -135,6 +137,7 @@ impl Frames {
             &self.views[slot],
             &mut self.target,
             quality,
+            Part::WHOLE,
         )?;
         Ok(Frame { recorder, level, size: quality.size(self.target.size()), slot })
     }

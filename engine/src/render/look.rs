@@ -383,7 +383,7 @@ impl LookBuffers {
         self.number = LOOKS.fetch_add(1, Ordering::Relaxed);
         self.facts = tables.facts;
         also(&mut recorder, self);
-        self.ring.submitted(recorder.submit()?);
+        recorder.submit()?;
         Ok(())
     }
 }

@@ -24,6 +24,7 @@
 //! | `mode`, `modes` | [`Mode`]: a way to render; [`MODES`]: all of them |
 //! | `alpha`, `slab`, `raymarch` | the modes; `variants` holds their kernels |
 //! | `renderer`, `frames` | [`Renderer`]: one picture after the other; [`Frames`]: without waiting for the device |
+//! | `part` | [`Part`]: a band of rows, for pictures that are slower than what else is waiting |
 //! | `quality_levels` | [`quality_levels()`]: the measured ways to trade quality for time, for the frame budget |
 
 mod alpha;
@@ -43,6 +44,7 @@ mod look;
 mod mode;
 mod modes;
 mod object_change;
+mod part;
 mod quality;
 mod quality_levels;
 mod raymarch;
@@ -68,6 +70,7 @@ pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES}
 pub use mode::Mode;
 pub use modes::{MODES, ModeRow, mode};
 pub use object_change::{ObjectChange, hex_colour};
+pub use part::Part;
 pub use quality::Quality;
 pub use quality_levels::{QualityLevel, SplatKind, level_costs, quality_levels};
 pub use renderer::Renderer;

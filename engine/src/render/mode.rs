@@ -1,5 +1,6 @@
 //! The trait that every way to render a scene implements.
 
+use super::part::Part;
 use super::quality::Quality;
 use super::scene::Scene;
 use super::target::Target;
@@ -9,8 +10,8 @@ use crate::passes::{Views, Work};
 
 /// A way to render a scene.
 pub trait Mode {
-    /// Records the rendering of `views`, one for each layer of the target. Overwrites the part of the target
-    /// that `quality` says.
+    /// Records the rendering of a part of `views`, one for each layer of the target. The parts of a picture, in their
+    /// order, overwrite the corner of the target that `quality` says.
     fn record(
         &mut self,
         recorder: &mut Recorder,
@@ -18,7 +19,13 @@ pub trait Mode {
         views: &Views,
         target: &mut Target,
         quality: &Quality,
+        part: Part,
     ) -> Result<()>;
+
+    /// Creates the pipelines that a change of the transfer function may ask for, so that no frame of a drag does.
+    fn warm_up(&mut self, _scene: &Scene) -> Result<()> {
+        Ok(())
+    }
 
     /// Grows the buffers that the last finished frame found too small. Returns true if the frame must be
     /// rendered again.

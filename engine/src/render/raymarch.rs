@@ -11,6 +11,7 @@ use shaders_glsl::types::RaymarchParams;
 use super::gpu_volume::GpuVolume;
 use super::look::Classification;
 use super::mode::Mode;
+use super::part::Part;
 use super::quality::Quality;
 use super::scene::Scene;
 use super::settings::{Rays, Settings};
@@ -104,7 +105,8 @@ impl Raymarch {
         let settings = settings.clone();
         let mut mode = Raymarch { gpu: gpu.clone(), start, settings, image_bytes: 0, decoded };
         let (_, needs) = mode.needs(scene);
-        mode.pipeline(scene, &Quality::FULL, needs)?;
+        let (classification, _) = mode.settings.variant(scene);
+        mode.pipeline(scene, classification, &Quality::FULL, needs)?;
         Ok(mode)
     }
 
@@ -121,14 +123,20 @@ impl Raymarch {
         (objects, look.facts.shaded || look.facts.graded)
     }
 
-    /// Returns the index of the kernel or drawing for the look of the scene at a quality; creates it if necessary. `kept`
-    /// says that gradients are kept.
-    fn pipeline(&mut self, scene: &Scene, quality: &Quality, kept: bool) -> Result<usize> {
+    /// Returns the index of the kernel or drawing for the look of the scene, classified in this way, at a quality; creates it if
+    /// necessary. `kept` says that gradients are kept.
+    fn pipeline(
+        &mut self,
+        scene: &Scene,
+        classification: Classification,
+        quality: &Quality,
+        kept: bool,
+    ) -> Result<usize> {
         let (objects, _) = self.needs(scene);
         let (gpu, settings) = (&self.gpu, &self.settings);
         let (volume, look) =
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
-        let (classification, shaded) = settings.variant(scene);
+        let (_, shaded) = settings.variant(scene);
         let constants = vec![
             u32::from(volume.image().format() == Format::Rg16),
             u32::from(volume.is_atlas()),
@@ -194,6 +202,7 @@ impl Mode for Raymarch {
         views: &Views,
         target: &mut Target,
         quality: &Quality,
+        part: Part,
     ) -> Result<()> {
         let decoded = self.decoded.clone();
         let volume = decoded.as_deref().unwrap_or_else(|| scene.expect_volume());
@@ -201,7 +210,8 @@ impl Mode for Raymarch {
         let mut marked = volume.marked(recorder, look);
         let (objects, needs) = self.needs(scene);
         let kept = needs && volume.keep_gradients(&self.gpu, recorder, &mut marked, look, objects != 0)?;
-        let pipeline = self.pipeline(scene, quality, kept)?;
+        let (classification, _) = self.settings.variant(scene);
+        let pipeline = self.pipeline(scene, classification, quality, kept)?;
         let gradients = if kept { bytes_of(volume.gradients(&marked)) } else { 0 };
         self.image_bytes = bytes_of(volume.image()) + gradients;
         let size @ [width, height] = quality.size(self.settings.size);
@@ -221,6 +231,8 @@ impl Mode for Raymarch {
             edge: (volume.mean_edge_mm * if kept { volume.gradient_unit(look) } else { 1.0 }) as f32,
         };
         match &mut self.start {
+            // All at once: the kernel knows no parts.
+            Start::Computed(_) if !part.is_first() => {}
             Start::Computed(kernels) => {
                 // Width and height of a workgroup, pixels; see the kernel.
                 let group = match WorkgroupShape::of(&self.gpu) {
@@ -235,19 +247,36 @@ impl Mode for Raymarch {
             }
             Start::Rasterized(rasterized) => {
                 let Rasterized { drawings, marking, marks } = &mut **rasterized;
-                let faces = marked.faces(&self.gpu, recorder)?;
-                faces.mark(recorder, marking, views, volume.voxel_from_scene(), size, marks);
-                recorder.clear_image(&target.colour, [0.0; 4]);
+                if part.is_first() {
+                    let faces = marked.faces(&self.gpu, recorder)?;
+                    faces.mark(recorder, marking, views, volume.voxel_from_scene(), size, marks);
+                    recorder.clear_image(&target.colour, [0.0; 4]);
+                    if self.settings.depth {
+                        recorder.clear_image(&target.depth, [0.0; 4]);
+                    }
+                }
                 let mut pictures = vec![&mut target.colour];
                 if self.settings.depth {
-                    recorder.clear_image(&target.depth, [0.0; 4]);
                     pictures.push(&mut target.depth);
                 }
                 pictures.push(marks);
                 marched!(recorder.draw(&drawings[pipeline]), views, look, volume, marked)
                     .push(&params)
                     .within(size)
+                    .in_rows(part.rows(height))
                     .vertices_over(&mut pictures, 0..3);
+            }
+        }
+        Ok(())
+    }
+
+    fn warm_up(&mut self, scene: &Scene) -> Result<()> {
+        let (_, kept) = self.needs(scene);
+        let occluded = scene.look_buffers().facts.occluded;
+        for classification in self.settings.classifications() {
+            for occlusion in [true, false].into_iter().take(1 + usize::from(occluded)) {
+                let quality = Quality { occlusion, ..Quality::FULL };
+                self.pipeline(scene, classification, &quality, kept)?;
             }
         }
         Ok(())

@@ -3,13 +3,14 @@
 use super::camera::Camera;
 use super::mode::Mode;
 use super::modes::ModeRow;
+use super::part::Part;
 use super::quality::Quality;
 use super::scene::Scene;
 use super::settings::Settings;
 use super::target::Target;
 use super::visibility_mask::VisibilityMask;
 use crate::error::Result;
-use crate::gpu::Gpu;
+use crate::gpu::{Gpu, Ticket};
 use crate::passes::{Views, Work};
 
 /// A mode with its target and its views; it renders a scene offscreen.
@@ -57,17 +58,45 @@ impl Renderer {
     /// # Panics
     /// If there are not as many cameras as the settings had views.
     pub fn render_at(&mut self, scene: &Scene, cameras: &[Camera], quality: &Quality) -> Result<()> {
-        let rows = cameras.iter().map(|camera| camera.view(scene.origin));
-        self.views.write(rows, self.masks.iter().map(|mask| mask.words))?;
         loop {
-            let mut recorder = self.gpu.record()?;
-            self.mode.record(&mut recorder, scene, &self.views, &mut self.target, quality)?;
-            let ticket = recorder.submit()?;
+            let ticket = self.submit(scene, cameras, quality, Part::WHOLE)?;
             self.gpu.wait(ticket)?;
-            if !self.mode.settle()? {
+            if !self.settle()? {
                 return Ok(());
             }
         }
+    }
+
+    /// Submits the rendering of a part of such pictures, and does not wait. The parts follow each other, with the same scene, cameras and
+    /// quality; before the first one, what was submitted earlier has finished.
+    ///
+    /// # Panics
+    /// If there are not as many cameras as the settings had views.
+    pub fn submit(
+        &mut self,
+        scene: &Scene,
+        cameras: &[Camera],
+        quality: &Quality,
+        part: Part,
+    ) -> Result<Ticket> {
+        if part.is_first() {
+            let rows = cameras.iter().map(|camera| camera.view(scene.origin));
+            self.views.write(rows, self.masks.iter().map(|mask| mask.words))?;
+        }
+        let mut recorder = self.gpu.record()?;
+        self.mode.record(&mut recorder, scene, &self.views, &mut self.target, quality, part)?;
+        recorder.submit()
+    }
+
+    /// Creates what a change of the transfer function may ask for beside what there is.
+    pub fn warm_up(&mut self, scene: &Scene) -> Result<()> {
+        self.mode.warm_up(scene)
+    }
+
+    /// Grows the buffers that were too small for the submitted pictures, which have finished. Returns true if these have to be rendered
+    /// again.
+    pub fn settle(&mut self) -> Result<bool> {
+        self.mode.settle()
     }
 
     /// Returns the work of the last frame; all 0 for a mode without splats.

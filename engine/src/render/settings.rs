@@ -98,6 +98,12 @@ impl Settings {
         let classification = self.classification.unwrap_or_else(|| scene.look().classification());
         (classification, scene.look_buffers().facts.shaded)
     }
+
+    /// Returns the classifications that looks may ask for.
+    pub(super) fn classifications(&self) -> Vec<Classification> {
+        self.classification
+            .map_or(vec![Classification::Point, Classification::PreIntegrated], |one| vec![one])
+    }
 }
 
 #[cfg(test)]

@@ -9,6 +9,7 @@ use shaders_glsl::types::{SlabParams, TileGrid};
 use super::gpu_splats::GpuSplats;
 use super::look::Classification;
 use super::mode::Mode;
+use super::part::Part;
 use super::quality::Quality;
 use super::scene::Scene;
 use super::settings::Settings;
@@ -78,9 +79,9 @@ impl Slab {
     }
 
     /// Returns the index of the kernel for a way to classify; creates the kernel if necessary.
-    fn kernel(&mut self, scene: &Scene) -> Result<usize> {
+    fn kernel(&mut self, scene: &Scene, classification: Classification) -> Result<usize> {
         let (gpu, settings) = (&self.gpu, &self.settings);
-        let (classification, shaded) = settings.variant(scene);
+        let (_, shaded) = settings.variant(scene);
         let objects = scene.look_buffers().facts.objects_differ;
         self.kernels.find((classification, shaded, objects), |(classification, shaded, objects)| {
             let constants = [
@@ -128,17 +129,25 @@ impl Mode for Slab {
         views: &Views,
         target: &mut Target,
         quality: &Quality,
+        part: Part,
     ) -> Result<()> {
-        let kernel = self.kernel(scene)?;
+        let (classification, _) = self.settings.variant(scene);
+        let kernel = self.kernel(scene, classification)?;
         let (splats, look) = (scene.expect_splats(), scene.look_buffers());
         let grid = TileGrid {
             capacity: self.bins.capacity() as u32,
             ..tile_grid(splats, &self.settings, quality, self.refinement)
         };
         let field = splats.field;
-        splats.count_active(recorder, &mut self.count);
-        let active = (splats.active(), &self.count);
-        self.bins.record(recorder, &grid, field.background, views, splats.rows(), active);
+        if part.is_first() {
+            splats.count_active(recorder, &mut self.count);
+            let active = (splats.active(), &self.count);
+            self.bins.record(recorder, &grid, field.background, views, splats.rows(), active);
+        }
+        let rows = part.rows(grid.tiles[1]);
+        if rows.is_empty() {
+            return Ok(());
+        }
         let columns = match WorkgroupShape::of(&self.gpu) {
             WorkgroupShape::OneByOne => grid.tiles[0] * PARTS,
             WorkgroupShape::SideBySide => grid.tiles[0] * (PARTS / 2),
@@ -163,8 +172,16 @@ impl Mode for Slab {
                 epsilon: field.epsilon,
                 occupancy_w0: field.occupancy_w0,
                 dark: self.settings.dark,
+                first_row: rows.start,
             })
-            .dispatch_3d([columns, grid.tiles[1], self.settings.views]);
+            .dispatch_3d([columns, rows.end - rows.start, self.settings.views]);
+        Ok(())
+    }
+
+    fn warm_up(&mut self, scene: &Scene) -> Result<()> {
+        for classification in self.settings.classifications() {
+            self.kernel(scene, classification)?;
+        }
         Ok(())
     }
 

@@ -312,6 +312,7 @@ pub fn slab() {
             let numbers: Vec<u32> = (0..stage.splats.len() as u32).map(|i| i % 4).collect();
             let numbers = gpu.upload("objects", "test", &numbers).unwrap();
             let params = SlabParams {
+                first_row: 0,
                 grid,
                 background: stage.field.background,
                 epsilon: stage.field.epsilon,

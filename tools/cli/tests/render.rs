@@ -328,9 +328,10 @@ fn files_are_objects_of_one_picture() {
     for (object, (name, splats)) in both["objects"].as_array().expect("objects").iter().zip(objects) {
         assert_eq!((object["name"].as_str(), object["splats"].as_u64()), (Some(name), Some(splats)));
     }
-    // Without the second one the first is as it was alone.
+    // Without the second one the first is as it was alone, where splats are added up anew.
+    run(&["s.ply", "-o", "alone.png", "--mode", "slab", "--force"]);
     for (output, more) in [("o.png", ["--object", "t:hidden"]), ("h.png", ["--hide-label", "2"])] {
-        run(&[&["s.ply", "t.ply", "-o", output], more.as_slice()].concat());
+        run(&[&["s.ply", "t.ply", "-o", output, "--mode", "slab"], more.as_slice()].concat());
         let (a, b) = (picture(&folder, "alone.png"), picture(&folder, output));
         let db = psnr(&a.image, &b.image).expect("pictures of one size");
         assert!(db > 50.0, "{output}: {db}");

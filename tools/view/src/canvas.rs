@@ -2,13 +2,14 @@
 //! the panels on the window's surface.
 
 use std::sync::Arc;
+use std::time::Instant;
 
 use egui::epaint::ClippedPrimitive;
 use egui::{Rect, TexturesDelta};
 use engine::Result;
-use engine::gpu::{Gpu, Surface};
+use engine::gpu::{Gpu, Surface, Ticket};
 use engine::image::Image;
-use engine::render::{Camera, GpuSplats, Look, Quality, Scene, Settings};
+use engine::render::{Camera, GpuSplats, Look, Part, Quality, Scene, Settings};
 use glam::{DVec2, DVec3};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
@@ -34,8 +35,37 @@ pub struct Canvas {
     textures: TexturesDelta,
     /// Subjects of the picture: one, or two with a split between them.
     shown: Vec<(Subject, RenderSetup)>,
+    /// The picture on its way.
+    rendering: Option<Rendering>,
     surface: Surface,
     gpu: Gpu,
+}
+
+/// Device time that a part of a slow picture should take, ms: events and panels find their turn between the parts.
+const PART_MS: f64 = 12.0;
+/// Device time up to which a picture is rendered at once, ms.
+const AT_ONCE_MS: f64 = 25.0;
+/// Bands of the first part of a picture of which nothing is known.
+const FIRST_BANDS: u32 = 8;
+/// Most that a part grows beyond the one before it.
+const GROWTH: f64 = 4.0;
+
+/// A picture that the device renders.
+struct Rendering {
+    /// Subjects of the picture, as [`Canvas::shown`] will have them.
+    subjects: Vec<(Subject, RenderSetup)>,
+    /// Those of them that have a scene; the scenes are rendered one after the other.
+    setups: Vec<(Subject, RenderSetup)>,
+    camera: Camera,
+    /// Place in `setups` of the scene that was submitted last.
+    at: usize,
+    /// Part that was submitted last.
+    part: Part,
+    /// What was submitted and has not been seen finished; the last one is the last to finish.
+    tickets: Vec<Ticket>,
+    since: Instant,
+    /// Device time of all parts that have finished, ms.
+    ms: f64,
 }
 
 /// Panels of a frame.
@@ -85,6 +115,7 @@ impl Canvas {
             painter: Painter::new(gpu, format)?,
             textures: TexturesDelta::default(),
             shown: Vec::new(),
+            rendering: None,
             surface,
             gpu: gpu.clone(),
         })
@@ -127,6 +158,7 @@ impl Canvas {
     /// Sets or removes the scene of a subject. A picture of others stays; the colours of the error go.
     pub fn set_scene(&mut self, subject: Subject, scene: Option<Scene>) {
         self.set_error(None);
+        self.give_up();
         let shown_scene = scene.map(|scene| RenderedScene::new(&self.gpu, scene));
         *self.scene_mut(subject) = shown_scene;
         if self.shown.iter().any(|(shown, _)| *shown == subject) {
@@ -138,6 +170,7 @@ impl Canvas {
     /// [`Canvas::show_error`] says so.
     pub fn set_error(&mut self, scene: Option<Scene>) {
         self.show_error(false);
+        self.give_up();
         self.error = scene.map(|scene| RenderedScene::new(&self.gpu, scene));
     }
 
@@ -154,10 +187,11 @@ impl Canvas {
 
     /// Shows the splats in the colours of their error, or as they are.
     pub fn show_error(&mut self, shown: bool) {
-        if std::mem::replace(&mut self.shows_error, shown) != shown
-            && self.shown.iter().any(|(shown, _)| *shown == Subject::Splats)
-        {
-            self.shown.clear();
+        if std::mem::replace(&mut self.shows_error, shown) != shown {
+            self.give_up();
+            if self.shown.iter().any(|(shown, _)| *shown == Subject::Splats) {
+                self.shown.clear();
+            }
         }
     }
 
@@ -202,16 +236,128 @@ impl Canvas {
             .reduce(|a, b| [a[0].min(b[0]), a[1].max(b[1])])
     }
 
-    /// Renders the subjects and waits. Returns the time that it took, ms.
-    pub fn render(&mut self, setups: Vec<(Subject, RenderSetup)>, camera: Camera) -> Result<f64> {
-        let mut ms = 0.0;
-        for (subject, setup) in &setups {
-            if let Some(shown_scene) = self.scene_mut(*subject) {
-                ms += shown_scene.render(setup, camera)?;
+    /// Begins a picture of some subjects, in place of one that is on its way. `expected` is the device time that it will
+    /// take, ms, if that is known. A fast one is shown by the next [`Canvas::present`]: then this returns true. A slow one
+    /// is rendered part by part, and shown when [`Canvas::go_on`] has finished it.
+    pub fn begin(
+        &mut self,
+        subjects: Vec<(Subject, RenderSetup)>,
+        camera: Camera,
+        expected: Option<f64>,
+    ) -> Result<bool> {
+        self.give_up();
+        let part = match expected {
+            Some(ms) if ms <= AT_ONCE_MS => Part::WHOLE,
+            Some(ms) => Part::first((f64::from(Part::ALL) * PART_MS / ms) as u32),
+            None => Part::first(FIRST_BANDS),
+        };
+        let mut setups = subjects.clone();
+        setups.retain(|(subject, _)| self.scene_of(*subject).is_some());
+        // Times of what else the device did.
+        self.gpu.take_finished()?;
+        let at_once = part == Part::WHOLE || setups.is_empty();
+        let mut now = Rendering {
+            subjects,
+            setups,
+            camera,
+            at: 0,
+            part,
+            tickets: Vec::new(),
+            since: Instant::now(),
+            ms: 0.0,
+        };
+        if at_once {
+            self.shown.clone_from(&now.subjects);
+            self.submit_all(&mut now)?;
+        } else {
+            self.submit(&mut now)?;
+        }
+        self.rendering = Some(now).filter(|now| !now.setups.is_empty());
+        Ok(at_once)
+    }
+
+    /// Submits all of every scene.
+    fn submit_all(&mut self, now: &mut Rendering) -> Result<()> {
+        (0..now.setups.len()).try_for_each(|at| {
+            now.at = at;
+            self.submit(now)
+        })
+    }
+
+    /// Submits the part that it is at.
+    fn submit(&mut self, now: &mut Rendering) -> Result<()> {
+        let (subject, setup) = &now.setups[now.at];
+        if let Some(scene) = self.scene_mut(*subject) {
+            now.tickets.push(scene.submit(setup, now.camera, now.part)?);
+        }
+        now.since = Instant::now();
+        Ok(())
+    }
+
+    /// Goes on with the picture on its way: once the device has finished what was submitted, submits the next part.
+    /// Returns the device time of the picture, ms, when all of it has finished. Does not wait.
+    pub fn go_on(&mut self) -> Result<Option<f64>> {
+        let last = self.rendering.as_ref().and_then(|now| now.tickets.last().copied());
+        if !last.map_or(Ok(false), |ticket| self.gpu.has_finished(ticket))? {
+            return Ok(None);
+        }
+        let Some(mut now) = self.rendering.take() else { return Ok(None) };
+        let times = self.gpu.take_finished()?;
+        let timed = times.iter().filter(|(ticket, _)| now.tickets.contains(ticket)).map(|(_, ms)| ms);
+        // A device without a clock: by ours.
+        let ms = timed.copied().reduce(|a, b| a + b).unwrap_or(now.since.elapsed().as_secs_f64() * 1e3);
+        now.ms += ms;
+        now.tickets.clear();
+        if now.part == Part::WHOLE {
+            if !self.settle(&now.setups)? {
+                return Ok(Some(now.ms));
+            }
+            self.submit_all(&mut now)?;
+            self.rendering = Some(now);
+            return Ok(None);
+        }
+        let grown = (f64::from(now.part.bands()) * (PART_MS / ms).min(GROWTH)) as u32;
+        if let Some(part) = now.part.next(grown) {
+            now.part = part;
+        } else if self.settle(&now.setups[now.at..=now.at])? {
+            now.part = Part::first(FIRST_BANDS);
+        } else if now.at + 1 < now.setups.len() {
+            (now.at, now.part) = (now.at + 1, Part::first(FIRST_BANDS));
+        } else {
+            self.shown = now.subjects;
+            return Ok(Some(now.ms));
+        }
+        self.submit(&mut now)?;
+        self.rendering = Some(now);
+        Ok(None)
+    }
+
+    fn settle(&mut self, setups: &[(Subject, RenderSetup)]) -> Result<bool> {
+        let mut again = false;
+        for (subject, setup) in setups {
+            if let Some(scene) = self.scene_mut(*subject) {
+                again |= scene.settle(setup)?;
             }
         }
-        self.shown = setups;
-        Ok(ms)
+        Ok(again)
+    }
+
+    /// Creates what the next changes of a subject's transfer function may ask for.
+    pub fn warm_up(&mut self, subject: Subject) -> Result<()> {
+        self.scene_mut(subject).as_mut().map_or(Ok(()), RenderedScene::warm_up)
+    }
+
+    /// Returns true if a picture is on its way.
+    pub fn is_rendering(&self) -> bool {
+        self.rendering.is_some()
+    }
+
+    /// Gives up the picture on its way.
+    pub fn give_up(&mut self) {
+        if self.rendering.take().is_some() {
+            let scenes = [&mut self.splats, &mut self.error, &mut self.beside, &mut self.volume];
+            scenes.into_iter().flatten().for_each(RenderedScene::give_up);
+        }
     }
 
     /// Renders a scene with the first of two looks, and gives it the second one again. Returns the picture, in

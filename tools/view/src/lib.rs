@@ -7,7 +7,7 @@
 //! The map, with the arrows that are allowed ("A -> B": A may use B; `tests/tests/arrows` checks them):
 //!
 //! ```text
-//! window -> viewer -> app, canvas, export, loaded_data, loader, open_files, pack, report, settings, panel_info, actions -> state
+//! window -> viewer -> input_queue, app, canvas, export, loaded_data, loader, open_files, pack, report, settings, panel_info, actions -> state
 //! viewer -> fitting, sorting, fit_plan, transfer, thumbnails, rendered_scene       app -> fit_plan, figures, region
 //! window -> theme          window -> portal -> system_dialog          viewer, app, prompt -> system_dialog
 //! app -> prompt, annotations -> panels -> editor -> transfer, histogram, theme
@@ -39,7 +39,7 @@
 //!           `series` are those of a folder, of which one is meant
 //! fitting   fits splats beside the window; `fit_plan` is what a fit is asked for and how far it is, `figures` words for it
 //! canvas    the picture in the window: `rendered_scene` renders it, `composer` and `painter` put it and the panels on the screen
-//! viewer    frame after frame, within the frame budget; `report` is what was measured
+//! viewer    frame after frame, within the frame budget, each with what `input_queue` has for it; `report` is what was measured
 //! window    the events of winit
 //! ```
 #![forbid(unsafe_code)]
@@ -61,6 +61,7 @@ pub mod fitting;
 pub mod handles;
 pub mod histogram;
 pub mod history;
+pub mod input_queue;
 pub mod loaded_data;
 pub mod loaded_splats;
 pub mod loader;

@@ -348,7 +348,7 @@ mod tests {
         let mut data = LoadedData::default();
         let modes = |data: &LoadedData, state: &ViewState| Subject::ALL.map(|s| data.mode_of(s, state));
         assert!(!data.has(Subject::Beside));
-        assert_eq!(modes(&data, &state), ["slab", "slab", "volume"]);
+        assert_eq!(modes(&data, &state), ["decoded", "decoded", "volume"]);
         assert_eq!(data.take(loaded(300.0, Form::Field)).expect("taken"), Some(Subject::Beside));
         assert!(data.has(Subject::Beside) && !data.has(Subject::Splats));
         state.mode = SplatMode::Exact;

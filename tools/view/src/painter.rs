@@ -9,7 +9,7 @@ use std::ops::Range;
 
 use egui::epaint::{ClippedPrimitive, ImageData, ImageDelta, Primitive};
 use egui::{Rect, TextureId, TexturesDelta};
-use engine::gpu::{Buffer, Drawing, Format, Gpu, Image, Recorder};
+use engine::gpu::{Buffer, Drawing, Format, Gpu, Image, Recorder, UploadRing};
 use engine::{Error, Kind, Result};
 use shaders_glsl as glsl;
 use shaders_glsl::types::{PanelParams, PanelVertex};
@@ -50,12 +50,17 @@ pub struct Mesh {
 pub struct Textures {
     gpu: Gpu,
     pictures: HashMap<TextureId, Image>,
+    ring: UploadRing,
 }
+
+/// Pieces of memory through which changes of textures go, and the bytes of each: letters that are drawn for the first time.
+const PIECES: (usize, usize) = (3, 1 << 18);
 
 impl Textures {
     /// Creates an empty set of textures.
-    pub fn new(gpu: &Gpu) -> Self {
-        Textures { gpu: gpu.clone(), pictures: HashMap::new() }
+    pub fn new(gpu: &Gpu) -> Result<Self> {
+        let ring = UploadRing::new(gpu, "panel textures on their way", PIECES.0, PIECES.1)?;
+        Ok(Textures { gpu: gpu.clone(), pictures: HashMap::new(), ring })
     }
 
     /// Returns the texture with this name, if it exists.
@@ -66,6 +71,9 @@ impl Textures {
     /// Records the changes of textures. Those that egui frees are kept until after the frame, see
     /// [`Textures::forget`].
     pub fn update(&mut self, recorder: &mut Recorder, changes: &mut TexturesDelta) -> Result<()> {
+        if !changes.set.is_empty() {
+            self.ring.begin()?;
+        }
         for (id, deltas) in changes.set.drain() {
             for delta in deltas {
                 self.write(recorder, id, &delta)?;
@@ -89,7 +97,7 @@ impl Textures {
         let texture = self.pictures.get_mut(&id).ok_or_else(|| {
             Error::new(Kind::Internal, "VGS-VIEW-090", format!("a change of the unknown texture {id:?}"))
         })?;
-        recorder.write_rectangle(texture, corner, size, &texels)
+        self.ring.write_rectangle(recorder, &texels, texture, corner, size)
     }
 
     /// Drops textures that egui no longer needs; memory in flight is freed later.
@@ -107,7 +115,7 @@ impl Painter {
         Ok(Painter {
             gpu: gpu.clone(),
             drawing: Drawing::new(gpu, &glsl::PANELS_VERT, &glsl::PANELS_FRAG, &linear, &[format], 1)?,
-            textures: Textures::new(gpu),
+            textures: Textures::new(gpu)?,
             blank: gpu.picture("nothing", "panels", Format::Rgba8, [1, 1], 1)?,
             vertices: gpu.mapped("panel vertices", "panels", 1)?,
             indices: gpu.mapped("panel indices", "panels", 1)?,

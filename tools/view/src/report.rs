@@ -2,6 +2,7 @@
 
 use std::time::Instant;
 
+use engine::gpu::Hitches;
 use serde::Serialize;
 
 /// Measurements from start to end.
@@ -21,8 +22,25 @@ pub struct WindowReport {
     pub pictures: u64,
     /// Time from the first event of each edit of the look to the frame that shows it, ms.
     pub edits_ms: Vec<f64>,
-    /// Time of each picture, ms.
+    /// Device time of each picture, ms.
     pub pictures_ms: Vec<f64>,
+    /// Time that the window's thread was busy with each frame, or between two frames with a picture, ms.
+    pub busy_ms: Vec<f64>,
+    /// What the frames of drags made of the device.
+    pub drags: Drags,
+}
+
+/// What frames in which something is dragged made of the device. The first of a drag may create what the others use.
+#[derive(Clone, Debug, Default, Serialize)]
+pub struct Drags {
+    /// Number of the frames.
+    pub frames: u64,
+    /// Number of those that allocated memory.
+    pub allocating: u64,
+    /// Number of those that waited for the device.
+    pub waiting: u64,
+    /// Number of those that created pipelines.
+    pub compiling: u64,
 }
 
 /// Greatest number of values of each kind that are kept, so that a long session does not fill the memory.
@@ -40,6 +58,8 @@ impl WindowReport {
             pictures: 0,
             edits_ms: Vec::new(),
             pictures_ms: Vec::new(),
+            busy_ms: Vec::new(),
+            drags: Drags::default(),
         }
     }
 
@@ -62,7 +82,22 @@ impl WindowReport {
         }
     }
 
-    /// Notes the time of a picture, ms.
+    /// Notes for how long the window's thread was busy since `begun`.
+    pub fn busy(&mut self, begun: Instant) {
+        if self.busy_ms.len() < KEPT {
+            self.busy_ms.push(begun.elapsed().as_secs_f64() * 1e3);
+        }
+    }
+
+    /// Notes a frame of a drag, by what had happened on the device before it and after it.
+    pub fn dragged(&mut self, before: Hitches, after: Hitches) {
+        self.drags.frames += 1;
+        self.drags.allocating += u64::from(after.allocations > before.allocations);
+        self.drags.waiting += u64::from(after.waits > before.waits);
+        self.drags.compiling += u64::from(after.pipelines > before.pipelines);
+    }
+
+    /// Notes the device time of a picture, ms.
     pub fn rendered(&mut self, ms: f64) {
         self.pictures += 1;
         if self.pictures_ms.len() < KEPT {

@@ -1,7 +1,7 @@
 //! The window: takes winit's events and draws frames. A frame is drawn only when something has happened.
 
 use std::sync::Arc;
-use std::time::Instant;
+use std::time::{Duration, Instant};
 
 use egui::ViewportId;
 use engine::gpu::{Gpu, GpuOptions, Windows};
@@ -16,10 +16,13 @@ use crate::canvas::Canvas;
 use crate::loader::Loader;
 use crate::report::WindowReport;
 use crate::theme;
-use crate::viewer::{ActiveWindow, Start, Viewer, is_lost};
+use crate::viewer::{ActiveWindow, Between, Start, Viewer, is_lost};
 
 /// Size of a new window on a screen that has room for it, points of the screen.
 const SIZE: LogicalSize<f64> = LogicalSize::new(1280.0, 800.0);
+
+/// Time after which the device is asked again whether it has finished a part of a picture.
+const POLL: Duration = Duration::from_millis(1);
 
 /// Event that wakes the loop: something was read or written.
 #[derive(Debug)]
@@ -153,8 +156,13 @@ impl Program {
 
     fn draw(&mut self, event_loop: &ActiveEventLoop) {
         let Some(active) = &mut self.active else { return };
+        let (begun, before) = (Instant::now(), active.canvas.gpu().hitches());
         match self.viewer.draw(active) {
             Ok(next) => {
+                self.viewer.report.busy(begun);
+                if next.dragged {
+                    self.viewer.report.dragged(before, active.canvas.gpu().hitches());
+                }
                 self.wake_at = next.again.map(|after| Instant::now() + after);
                 if next.quit {
                     event_loop.exit();
@@ -180,7 +188,8 @@ impl Program {
 
 impl ApplicationHandler<Woken> for Program {
     fn new_events(&mut self, _: &ActiveEventLoop, cause: StartCause) {
-        if let (StartCause::ResumeTimeReached { .. }, Some(active)) = (cause, &self.active) {
+        let due = self.wake_at.is_some_and(|at| at <= Instant::now());
+        if let (StartCause::ResumeTimeReached { .. }, Some(active), true) = (cause, &self.active, due) {
             self.wake_at = None;
             active.window.request_redraw();
         }
@@ -222,7 +231,24 @@ impl ApplicationHandler<Woken> for Program {
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
-        event_loop.set_control_flow(match self.wake_at {
+        let mut wake_at = self.wake_at;
+        if let Some(active) = &mut self.active {
+            let (begun, goes_on) = (Instant::now(), active.canvas.is_rendering());
+            let between = self.viewer.go_on(&mut active.canvas);
+            if goes_on {
+                self.viewer.report.busy(begun);
+            }
+            match between {
+                Ok(Between::Nothing) => {}
+                Ok(Between::Waiting) => {
+                    let soon = Instant::now() + POLL;
+                    wake_at = Some(wake_at.map_or(soon, |at| at.min(soon)));
+                }
+                Ok(Between::Draw) => active.window.request_redraw(),
+                Err(error) => self.fail(event_loop, error),
+            }
+        }
+        event_loop.set_control_flow(match wake_at {
             Some(at) => ControlFlow::WaitUntil(at),
             None => ControlFlow::Wait,
         });

@@ -1,6 +1,7 @@
 //! `vgs view` as a person uses it: a real window on a virtual screen, a mouse and keys.
 
 mod beside;
+mod drags;
 
 use crate::support::screen::{Screen, Viewer, begin, without_notice};
 use crate::support::series::write_two_series;

@@ -211,6 +211,11 @@ impl App {
 
     /// Reads the point under the cursor, measures distances, and moves the pivot.
     fn point(&mut self, response: &Response, info: &PanelInfo<'_>) {
+        if self.held && !response.clicked() {
+            // The next frame shows another picture: nobody waits for what lies under the cursor in this one.
+            self.reading = None;
+            return;
+        }
         let aspect = self.aspect();
         let hit = |at: Pos2| {
             let place = self.place(at);

@@ -20,4 +20,4 @@ mod shown_fit;
 mod thumbnails;
 mod viewer;
 
-pub use viewer::{ActiveWindow, Next, Start, Viewer, is_lost};
+pub use viewer::{ActiveWindow, Between, Next, Start, Viewer, is_lost};

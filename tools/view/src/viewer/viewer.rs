@@ -19,6 +19,7 @@ use crate::actions::Action;
 use crate::app::App;
 use crate::canvas::{self, Canvas, Overlay, render_setups};
 use crate::fit_plan::Stage;
+use crate::input_queue::InputQueue;
 use crate::loaded_data::LoadedData;
 use crate::loader::{Loaded, Loader};
 use crate::open_files::OpenFiles;
@@ -89,12 +90,45 @@ fn choose_function(state: &mut ViewState, unit: Unit, range: [f64; 2]) -> bool {
     chosen
 }
 
+/// What a picture on its way was begun for.
+struct Begun {
+    /// True if it is to be shown soon rather than well.
+    fast: bool,
+    /// Quality level of what moves.
+    level: Option<usize>,
+    /// True if it has a lower quality than it will have at rest.
+    draft: bool,
+    /// True if a frame shows it already, though it has not finished.
+    shown: bool,
+    /// Time of the first event behind the edit of the look that it shows.
+    edited: Option<Instant>,
+}
+
+/// Time that pictures took last on the device, ms.
+#[derive(Default)]
+struct PictureTimes {
+    fast: Option<f64>,
+    full: Option<f64>,
+}
+
+/// Instructions to the event loop between frames.
+pub enum Between {
+    /// Nothing is on its way.
+    Nothing,
+    /// A picture is on its way: ask again soon.
+    Waiting,
+    /// A frame should be drawn.
+    Draw,
+}
+
 /// Instructions to the event loop after a frame.
 pub struct Next {
     /// Time after which to draw again, even if nothing happens.
     pub again: Option<Duration>,
     /// True if the user wants to end the program.
     pub quit: bool,
+    /// True if a picture was begun of something that is being dragged.
+    pub dragged: bool,
 }
 
 /// The viewer.
@@ -126,8 +160,20 @@ pub struct Viewer {
     size: Option<[u32; 2]>,
     /// True if pictures have to be rendered whatever the user does.
     pub(super) stale: bool,
+    /// True if the user has changed something since the last picture was begun.
+    changed: bool,
+    /// True if that is the look, among other things.
+    look_changed: bool,
+    times: PictureTimes,
+    /// The picture on its way.
+    begun: Option<Begun>,
+    input_queue: InputQueue,
     /// Time of the first event that no frame has answered yet.
     happened: Option<Instant>,
+    /// Time of the first event behind an edit of the look that no picture was begun for.
+    edited: Option<Instant>,
+    /// The same of the edit that the next frame shows.
+    answered: Option<Instant>,
     /// Splat budget of the scenes.
     pub(super) budget: Option<u64>,
     /// Splats for which the data with which they move faster are there or being made.
@@ -198,7 +244,14 @@ impl Viewer {
             moved: None,
             size: None,
             stale: true,
+            changed: false,
+            look_changed: false,
+            times: PictureTimes::default(),
+            begun: None,
+            input_queue: InputQueue::default(),
             happened: None,
+            edited: None,
+            answered: None,
             budget: None,
             prepared: BTreeSet::new(),
             decoding: BTreeSet::new(),
@@ -409,7 +462,8 @@ impl Viewer {
     pub fn draw(&mut self, active: &mut ActiveWindow) -> Result<Next> {
         let happened = self.happened.take();
         self.show_fit(&mut active.canvas)?;
-        let input = active.input.take_egui_input(&active.window);
+        let mut input = active.input.take_egui_input(&active.window);
+        let more_input = self.input_queue.take(&mut input.events);
         let context = active.input.egui_ctx().clone();
         let mut actions = Vec::new();
         let Viewer {
@@ -484,22 +538,24 @@ impl Viewer {
             picture: self.app.picture(),
         };
         let was_draft = self.draft;
-        let edited = self.render(&mut active.canvas, &overlay)?;
+        self.edited = self.edited.or(happened);
+        let dragged = self.render(&mut active.canvas, &overlay)?;
         let window = &active.window;
-        if !self.draft && self.make_thumbnail(&mut active.canvas, &context)? {
+        let rests = !self.draft && self.begun.is_none();
+        if rests && self.make_thumbnail(&mut active.canvas, &context)? {
             window.request_redraw();
         }
-        if !self.draft && !active.canvas.is_blank() {
+        if rests && !active.canvas.is_blank() {
             self.measure_error(&active.canvas);
         }
-        if self.draft != was_draft {
+        if self.draft != was_draft || more_input {
             // The panels of this frame describe the previous picture.
             window.request_redraw();
         }
         let shown = active.canvas.present(&self.app.state, overlay, || window.pre_present_notify())?;
         if shown {
             let with_picture = !active.canvas.is_blank();
-            self.report.shown(with_picture, self.draft, happened.filter(|_| edited));
+            self.report.shown(with_picture, self.draft, self.answered.take());
             tracing::debug!("frame shown");
         }
         let egui = output.viewport_output.values().map(|v| v.repaint_delay).min();
@@ -508,35 +564,38 @@ impl Viewer {
         if again.is_some_and(|after| after.is_zero()) {
             window.request_redraw();
         }
-        Ok(Next { again: again.filter(|after| !after.is_zero()), quit })
+        Ok(Next { again: again.filter(|after| !after.is_zero()), quit, dragged })
     }
 
-    /// Renders the picture if needed. Returns true if the look was changed.
+    /// Begins a picture if one is needed. What is only to be shown soon is finished before the next one is begun, so that
+    /// something is seen of a drag; any other is given up for a newer one. Returns true if it is one of a drag.
     fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
         let shown = self.app.state.subjects(|subject| self.data.has(subject));
         let chosen: Vec<_> = shown.iter().map(|&subject| self.chosen_mode(canvas, subject)).collect();
         let chosen: BTreeMap<_, _> = shown.into_iter().zip(chosen).collect();
         self.choose_levels();
         let changes = self.app.take_changes();
+        self.changed |= changes.any();
+        self.look_changed |= changes.look;
+        if !self.look_changed {
+            self.edited = None;
+        }
         let size = canvas::size(overlay.picture, overlay.pixels_per_point);
-        if changes.look {
-            self.set_look(canvas)?;
-        }
         let quality = self.app.state.quality;
-        if quality.splat_budget != self.budget {
-            self.budget = quality.splat_budget;
-            canvas.set_splat_budget(self.budget)?;
-        }
         self.controller.set_budget_ms(quality.target_frame_ms);
-        let moves = quality.adaptive && changes.any() && self.app.held() && size == self.size;
         let waits = chosen.iter().any(|(&subject, mode)| self.waits_for(subject, mode));
         self.stale |= std::mem::replace(&mut self.waits, waits) && !waits;
+        // Another scene has given it up.
+        self.stale |= self.begun.take_if(|_| !canvas.is_rendering()).is_some();
+        let outdated = self.stale || self.changed || size != self.size;
+        if self.begun.as_ref().is_some_and(|begun| begun.fast || !outdated) {
+            return Ok(false);
+        }
+        let moves = quality.adaptive && self.changed && self.app.held() && size == self.size;
         // Something is shown at once; the rest follows.
         let first = quality.adaptive && canvas.is_blank() && self.data.fitted.is_none() || waits;
         let rested = self.moved.is_some_and(|at| at.elapsed() >= REST || !quality.adaptive);
-        let (Some(pixels), true) = (size, self.stale || changes.any() || size != self.size || rested) else {
-            return Ok(changes.look);
-        };
+        let (Some(pixels), true) = (size, outdated || rested) else { return Ok(false) };
         let fast = moves || first;
         let level = self.controller.level();
         let given_up = |step| match (first, moves) {
@@ -556,34 +615,76 @@ impl Viewer {
             |(subject, setup): &(Subject, RenderSetup)| setup.mode.name == self.wanted_mode(*subject);
         let is_full = |(_, setup): &(Subject, RenderSetup)| setup.quality == Quality::FULL;
         let draft = !setups.iter().all(|setup| is_full(setup) && as_wanted(setup));
+        let edited = self.begun.take().and_then(|given_up| given_up.edited);
         if setups.is_empty() {
             // Nothing will be refined.
-            self.moved = None;
-            return Ok(changes.look);
+            (self.moved, self.changed) = (None, false);
+            return Ok(false);
         }
-        let ms = canvas.render(setups, self.app.camera())?;
+        self.set_look(canvas, &setups)?;
+        if quality.splat_budget != self.budget {
+            self.budget = quality.splat_budget;
+            canvas.set_splat_budget(self.budget)?;
+        }
+        let expected = match (first, fast) {
+            (true, _) => Some(0.0),
+            (_, true) => Some(self.times.fast.unwrap_or(0.0)),
+            (_, false) => self.times.full,
+        };
+        let shown = canvas.begin(setups, self.app.camera(), expected)?;
         for (&subject, mode) in &chosen {
             if self.waits_for(subject, mode) {
                 self.decode(canvas, subject)?;
             }
         }
-        if moves {
+        let level = moves.then_some(level);
+        let edited = edited.or(self.edited.take());
+        self.begun = Some(Begun { fast, level, draft, shown, edited });
+        if shown {
+            self.show_begun();
+        }
+        // What waits is not refined by time.
+        self.moved = (fast && !waits).then(Instant::now);
+        (self.size, self.stale, self.changed) = (size, false, false);
+        Ok(moves)
+    }
+
+    /// Notes that the next frame shows what was begun.
+    fn show_begun(&mut self) {
+        if let Some(begun) = &mut self.begun {
+            begun.shown = true;
+            self.draft = begun.draft;
+            self.answered = self.answered.or(begun.edited.take());
+        }
+    }
+
+    /// Goes on with the picture on its way, between two frames of the window.
+    pub fn go_on(&mut self, canvas: &mut Canvas) -> Result<Between> {
+        let Some(ms) = canvas.go_on()? else {
+            return Ok(match (&self.begun, canvas.is_rendering()) {
+                (None, _) => Between::Nothing,
+                (Some(_), true) => Between::Waiting,
+                // It was given up.
+                (Some(_), false) => Between::Draw,
+            });
+        };
+        let was_shown = self.begun.as_ref().is_some_and(|begun| begun.shown);
+        self.show_begun();
+        let Some(begun) = self.begun.take() else { return Ok(Between::Nothing) };
+        *(if begun.fast { &mut self.times.fast } else { &mut self.times.full }) = Some(ms);
+        if let Some(level) = begun.level {
             self.controller.finished(level, ms);
-        } else if !fast {
+        } else if !begun.fast {
             // What moves next need not find out anew that the full quality would be too slow.
             self.controller.foresee(ms);
         }
-        tracing::debug!("picture rendered {}: {ms:.1} ms", if fast { "fast" } else { "in full" });
-        // What waits is not refined by time.
-        self.moved = (fast && !waits).then(Instant::now);
-        self.draft = draft;
-        if !fast {
+        tracing::debug!("picture rendered {}: {ms:.1} ms", if begun.fast { "fast" } else { "in full" });
+        if !begun.fast {
+            Subject::ALL.into_iter().try_for_each(|subject| canvas.warm_up(subject))?;
             Subject::SETS.into_iter().try_for_each(|subject| self.prepare(canvas, subject))?;
         }
-        self.size = size;
-        self.stale = false;
-        self.count(canvas, ms);
-        Ok(changes.look)
+        self.count(canvas, ms, begun.fast);
+        Ok(if was_shown && !self.changed && !self.stale { Between::Nothing } else { Between::Draw })
     }
 
     /// Changes to the quality levels that belong to the mode that the user has chosen.
@@ -600,18 +701,21 @@ impl Viewer {
         }
     }
 
-    fn set_look(&mut self, canvas: &mut Canvas) -> Result<()> {
-        for subject in Subject::ALL {
-            match self.look(subject) {
-                Ok(look) => canvas.set_look(subject, &look)?,
-                Err(error) => self.app.report(&error),
+    /// Gives the scenes that are about to be rendered their looks.
+    fn set_look(&mut self, canvas: &mut Canvas, setups: &[(Subject, RenderSetup)]) -> Result<()> {
+        let changed = std::mem::take(&mut self.look_changed);
+        for (subject, _) in setups {
+            match self.look(*subject) {
+                Ok(look) => canvas.set_look(*subject, &look)?,
+                Err(error) if changed => self.app.report(&error),
+                Err(_) => {}
             }
         }
         Ok(())
     }
 
-    /// Updates the statistics with a picture that took `ms`.
-    fn count(&mut self, canvas: &Canvas, ms: f64) {
+    /// Updates the statistics with a picture that took `ms`; reading some of them would make a fast one wait.
+    fn count(&mut self, canvas: &Canvas, ms: f64, fast: bool) {
         self.report.rendered(ms);
         let statistics = &mut self.statistics;
         statistics.frame(ms);
@@ -619,8 +723,10 @@ impl Viewer {
         statistics.passes = passes.into_iter().map(|(name, time)| (name, time.total_ms)).collect();
         statistics.memory = canvas.gpu().memory_by_purpose();
         statistics.step = self.app.state.quality.step;
-        let splats = canvas.splats_of(Subject::Splats);
-        statistics.active_splats = splats.and_then(|splats| splats.active_count().ok());
+        if !fast {
+            let splats = canvas.splats_of(Subject::Splats);
+            statistics.active_splats = splats.and_then(|splats| splats.active_count().ok());
+        }
     }
 
     /// Carries out what only the window can do. Returns true if the program is to end.

@@ -278,7 +278,7 @@ fn keys_do_what_the_table_says() {
     bench.press(Key::B, Modifiers::NONE);
     assert_eq!(bench.app.state.split, Some(0.5));
     bench.press(Key::M, Modifiers::NONE);
-    assert_eq!(bench.app.state.mode, SplatMode::Decoded);
+    assert_eq!(bench.app.state.mode, SplatMode::Slab);
     bench.press(Key::PageDown, Modifiers::NONE);
     assert_eq!(bench.app.state.transfer.name, PRESETS[1].name);
     bench.press(Key::PageUp, Modifiers::NONE);
