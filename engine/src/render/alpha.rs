@@ -36,8 +36,8 @@ pub struct Alpha {
     deconvolution: Option<Deconvolution>,
     /// Stands for the media of standard splats, which have none.
     no_media: Buffer<[f32; 4]>,
-    /// Greatest number of rounds of the deconvolution in a frame.
-    rounds: u32,
+    /// True if frames of less than full quality have one round of the deconvolution each.
+    gradual: bool,
     /// Number of splats that the look can show in the frame.
     count: Buffer<u32>,
     drawing: Drawing,
@@ -64,7 +64,7 @@ impl Alpha {
             quads: Quads::new(gpu, settings.views, splats.count)?,
             deconvolution: None,
             no_media: gpu.buffer("no media", "splats", 1)?,
-            rounds: if settings.gradual { 1 } else { u32::MAX },
+            gradual: settings.gradual,
             count: gpu.buffer("splats of the frame", "views", 1)?,
             drawing: Drawing::new(gpu, &glsl::ALPHA_VERT, fragment, &constants, &formats, settings.views)?,
             params: QuadParams {
@@ -96,14 +96,16 @@ impl Alpha {
         self.kernels.find(variant, |&variant| Quads::kernel(gpu, variant))
     }
 
-    /// Records what the drawing of a picture of `size` pixels reads: the quads of the splats, in their order.
+    /// Records what the drawing of a picture reads: the quads of the splats, in their order.
     fn prepare(
         &mut self,
         recorder: &mut Recorder,
         scene: &Scene,
         views: &Views,
-        size: [u32; 2],
+        quality: &Quality,
     ) -> Result<()> {
+        let size = quality.size(self.params.size);
+        let rounds = if self.gradual && *quality != Quality::FULL { 1 } else { u32::MAX };
         let kernel = self.kernel(scene)?;
         let (splats, look) = (scene.expect_splats(), scene.look_buffers());
         let (faces, harmonics) = splats.faces(&self.gpu)?;
@@ -114,7 +116,7 @@ impl Alpha {
                 Some(made) => made,
                 none => none.insert(Deconvolution::new(&self.gpu, points)?),
             };
-            deconvolution.record(recorder, points, (look.number, tables), self.rounds);
+            deconvolution.record(recorder, points, (look.number, tables), rounds);
         }
         let sources = QuadSources {
             look: tables,
@@ -143,7 +145,7 @@ impl Mode for Alpha {
     ) -> Result<()> {
         let size = quality.size(self.params.size);
         if part.is_first() {
-            self.prepare(recorder, scene, views, size)?;
+            self.prepare(recorder, scene, views, quality)?;
             recorder.clear_image(&target.colour, [0.0; 4]);
             if self.depth {
                 recorder.clear_image(&target.depth, [0.0; 4]);

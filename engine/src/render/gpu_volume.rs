@@ -82,6 +82,8 @@ pub(super) struct Marked {
     faces: Option<(Faces, Option<u64>)>,
     /// Gradients, with what they were made of; `None` before they are needed.
     gradients: Option<(VoxelGradients, Option<GradientKey>)>,
+    /// Number of the look of the picture that was rendered last.
+    shown: Option<u64>,
     /// True if there was no memory for them.
     no_room: bool,
 }
@@ -91,12 +93,24 @@ type GradientKey = (f32, Option<Vec<f32>>);
 
 impl Marked {
     fn new(occupancy: Occupancy) -> Mutex<Self> {
-        Mutex::new(Marked { occupancy, look: None, faces: None, gradients: None, no_room: false })
+        Mutex::new(Marked {
+            occupancy,
+            look: None,
+            faces: None,
+            gradients: None,
+            shown: None,
+            no_room: false,
+        })
     }
 
     /// Returns for each brick the distance, in bricks, to the next one that can be seen.
     pub(super) fn distances(&self) -> &Buffer<u32> {
         &self.occupancy.distances
+    }
+
+    /// Returns true if the picture before was one of the same look, and notes that of this one.
+    pub(super) fn rests(&mut self, look: &LookBuffers) -> bool {
+        self.shown.replace(look.number) == Some(look.number)
     }
 
     /// Returns the faces around the bricks that can be seen. Records their listing if the bricks were marked
@@ -363,7 +377,7 @@ impl GpuVolume {
 
     /// Makes the gradients at the voxels for a look, unless they are there: eight bytes a voxel. Returns false if they are
     /// not kept, because more than half of the free memory would go into them. `objects` tells whether objects leave different
-    /// parts of their O.
+    /// parts of their O. `as_they_are` keeps those of an earlier look.
     pub(super) fn keep_gradients(
         &self,
         gpu: &Gpu,
@@ -371,6 +385,7 @@ impl GpuVolume {
         marked: &mut Marked,
         look: &LookBuffers,
         objects: bool,
+        as_they_are: bool,
     ) -> Result<bool> {
         if marked.no_room {
             return Ok(false);
@@ -389,7 +404,7 @@ impl GpuVolume {
             }
         };
         let key = (self.dark(look), objects.then(|| look.facts.shown.clone()));
-        if made_of.as_ref() != Some(&key) {
+        if made_of.as_ref() != Some(&key) && !(as_they_are && made_of.is_some()) {
             let source = GradientSource {
                 grid: self.grid,
                 medium: &self.image,
@@ -410,9 +425,10 @@ impl GpuVolume {
         ((look.facts.dark - self.scale.first) / self.scale.span.max(f64::MIN_POSITIVE)) as f32
     }
 
-    /// Returns the intensity per voxel that 1 of a kept gradient stands for.
-    pub(super) fn gradient_unit(&self, look: &LookBuffers) -> f64 {
-        self.scale.span / f64::from(VoxelGradients::unit(self.dark(look)))
+    /// Returns the intensity per voxel that 1 of a kept gradient stands for; 1 if none are kept.
+    pub(super) fn gradient_unit(&self, marked: &Marked) -> f64 {
+        let dark = marked.gradients.as_ref().and_then(|(_, made_of)| Some(made_of.as_ref()?.0));
+        dark.map_or(1.0, |dark| self.scale.span / f64::from(VoxelGradients::unit(dark)))
     }
 
     /// Returns the kept gradients, or an image that stands for them.

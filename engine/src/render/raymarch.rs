@@ -209,7 +209,11 @@ impl Mode for Raymarch {
         let look = scene.look_buffers();
         let mut marked = volume.marked(recorder, look);
         let (objects, needs) = self.needs(scene);
-        let kept = needs && volume.keep_gradients(&self.gpu, recorder, &mut marked, look, objects != 0)?;
+        // A draft of something that is being dragged is not worth the pass: it is lit as the look before was.
+        let rests = part.is_first() && marked.rests(look);
+        let rests = rests || !self.settings.gradual || *quality == Quality::FULL;
+        let kept =
+            needs && volume.keep_gradients(&self.gpu, recorder, &mut marked, look, objects != 0, !rests)?;
         let (classification, _) = self.settings.variant(scene);
         let pipeline = self.pipeline(scene, classification, quality, kept)?;
         let gradients = if kept { bytes_of(volume.gradients(&marked)) } else { 0 };
@@ -228,7 +232,7 @@ impl Mode for Raymarch {
             parts: (cell / step).round() as u32,
             slack: ((volume.range[1] - volume.range[0]) * SLACK) as f32,
             dark: self.settings.dark,
-            edge: (volume.mean_edge_mm * if kept { volume.gradient_unit(look) } else { 1.0 }) as f32,
+            edge: (volume.mean_edge_mm * if kept { volume.gradient_unit(&marked) } else { 1.0 }) as f32,
         };
         match &mut self.start {
             // All at once: the kernel knows no parts.

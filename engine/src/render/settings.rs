@@ -57,8 +57,8 @@ pub struct Settings {
     pub classification: Option<Classification>,
     /// Least light: rays end when less than this would pass.
     pub dark: f32,
-    /// True if mode alpha follows a new look over some frames instead of in one, so that none of them is
-    /// late: for programs that render all the time.
+    /// True if frames of less than full quality may follow a new look over some frames, so that none of them is late: the
+    /// colours of mode alpha, the light of volume and decoded. For programs that render all the time.
     pub gradual: bool,
     /// True if pictures show the work of each pixel instead of its colour, for benchmarks, with `precise`. In
     /// mode slab the channels are, alike for the 4 × 8 pixels of a part of a tile: planes at which splats

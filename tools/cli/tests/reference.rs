@@ -54,7 +54,9 @@ fn a_fit_in_their_layout_is_the_same_fit() {
         let ended = folder.run(&rasterize);
         assert_eq!((ended.code, ended.err.contains("hu, because no region")), (0, false), "{}", ended.err);
         let picture = format!("{name}.png");
-        let render = ["render", &ply, "--volume", "ct.nii.gz", "-o", &picture, "--size", "64"];
+        // Slabs need no grid.
+        let render =
+            ["render", &ply, "--volume", "ct.nii.gz", "-o", &picture, "--size", "64", "--mode", "slab"];
         let ended = folder.run(&render);
         assert_eq!(ended.code, 0, "{}", ended.err);
     }

@@ -90,7 +90,7 @@ pub fn render_setups(
     let setup = |subject| {
         let mode = mode_row(mode_of(subject));
         let step = state.quality.step.unwrap_or(mode.step);
-        let settings = Settings { depth: true, step, ..Settings::new(size) };
+        let settings = Settings { depth: true, gradual: true, step, ..Settings::new(size) };
         RenderSetup { mode, settings, quality: quality(step) }
     };
     state.subjects(there).into_iter().map(|subject| (subject, setup(subject))).collect()

@@ -115,8 +115,8 @@ impl Painter {
         Ok(Painter {
             gpu: gpu.clone(),
             drawing: Drawing::new(gpu, &glsl::PANELS_VERT, &glsl::PANELS_FRAG, &linear, &[format], 1)?,
-            textures: Textures::new(gpu)?,
             blank: gpu.picture("nothing", "panels", Format::Rgba8, [1, 1], 1)?,
+            textures: Textures::new(gpu)?,
             vertices: gpu.mapped("panel vertices", "panels", 1)?,
             indices: gpu.mapped("panel indices", "panels", 1)?,
             clips: gpu.mapped("panel clip rectangles", "panels", 1)?,

@@ -24,7 +24,7 @@ pub struct WindowReport {
     pub edits_ms: Vec<f64>,
     /// Device time of each picture, ms.
     pub pictures_ms: Vec<f64>,
-    /// Time that the window's thread was busy with each frame, or between two frames with a picture, ms.
+    /// Time that the window's thread was busy with each frame, or for more than a millisecond between two, ms.
     pub busy_ms: Vec<f64>,
     /// What the frames of drags made of the device.
     pub drags: Drags,

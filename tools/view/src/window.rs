@@ -235,7 +235,7 @@ impl ApplicationHandler<Woken> for Program {
         if let Some(active) = &mut self.active {
             let (begun, goes_on) = (Instant::now(), active.canvas.is_rendering());
             let between = self.viewer.go_on(&mut active.canvas);
-            if goes_on {
+            if goes_on && begun.elapsed() > POLL {
                 self.viewer.report.busy(begun);
             }
             match between {
