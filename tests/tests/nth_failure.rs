@@ -185,7 +185,9 @@ fn a_device_is_lost() {
         for call in [Call::Submit, Call::Wait] {
             let calls = on_new_devices(call, Failure::Lost, 11, name, work);
             println!("{name}: {calls} of {call:?}");
-            assert!(calls > 5, "{name}: {calls} of {call:?}");
+            // An upload is submitted and not waited for: there are more submissions than waits.
+            let least = if call == Call::Submit { 5 } else { 2 };
+            assert!(calls > least, "{name}: {calls} of {call:?}");
         }
     });
 }

@@ -7,6 +7,7 @@
 use shaders_glsl::types::View;
 
 use super::camera::Camera;
+use super::look;
 use super::mode::Mode;
 use super::modes::mode;
 use super::part::Part;
@@ -22,6 +23,9 @@ use crate::passes::Views;
 /// Frames that may be in flight at once: one on the device, one recorded behind it, and one that has finished
 /// but not yet been reported.
 pub const IN_FLIGHT: usize = 3;
+
+// A look for each of them waits for no piece of memory.
+const _: () = assert!(look::PIECES > IN_FLIGHT);
 
 /// Renders frames of a scene.
 pub struct Frames {

@@ -7,7 +7,6 @@ use std::sync::atomic::{AtomicU64, Ordering};
 use glam::{DVec3, DVec4};
 use shaders_glsl::types;
 
-use super::frames::IN_FLIGHT;
 use crate::error::{Error, Kind, Result};
 use crate::gpu::{Buffer, Gpu, Recorder, UploadRing};
 use crate::splat::{Object, SplatSet, usual_colours};
@@ -179,8 +178,8 @@ const NARROW: f64 = 60.0;
 /// Number of looks that were created so far.
 static LOOKS: AtomicU64 = AtomicU64::new(0);
 
-/// Pieces of host memory through which looks reach the device: one for each frame in flight, and one more.
-const PIECES: usize = IN_FLIGHT + 1;
+/// Pieces of host memory through which looks reach the device: more than there are frames in flight.
+pub(super) const PIECES: usize = 4;
 
 /// What is told of a look without its tables.
 #[derive(Clone, Debug, Default)]

@@ -1,42 +1,36 @@
 //! The frames, what is loaded, and what the user asks for.
 
-use std::collections::{BTreeMap, BTreeSet};
+use std::collections::BTreeSet;
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use engine::budget::Controller;
 use engine::gpu::GpuOptions;
-use engine::render::{ObjectChange, Quality, SplatKind, UsualLook, level_costs, quality_levels};
+use engine::render::{ObjectChange, SplatKind, UsualLook, level_costs, quality_levels};
 use engine::splat::SplatSet;
 use engine::unit::Unit;
 use engine::{Error, Result, transfer};
 use glam::DVec2;
 use winit::window::Window;
 
+use super::begun::{Begun, PictureTimes, REST};
 use super::shown_fit::ShownFit;
 use crate::actions::Action;
 use crate::app::App;
-use crate::canvas::{self, Canvas, Overlay, render_setups};
+use crate::canvas::{Canvas, Overlay};
 use crate::fit_plan::Stage;
 use crate::input_queue::InputQueue;
 use crate::loaded_data::LoadedData;
 use crate::loader::{Loaded, Loader};
 use crate::open_files::OpenFiles;
 use crate::panel_info::{PanelInfo, Statistics};
-use crate::rendered_scene::RenderSetup;
 use crate::report::WindowReport;
 use crate::settings::Settings;
 use crate::state::{Clip, Files, SplatMode, Subject, ViewState};
 use crate::system_dialog::SystemDialog;
 use crate::thumbnails::Thumbnails;
 use crate::transfer::Transfer;
-
-/// Quality of the first picture, low so that something is shown at once.
-const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0, occlusion: false };
-
-/// Time after the last movement until the picture is rendered in full.
-const REST: Duration = Duration::from_millis(150);
 
 /// Distance of the voxels of mode decoded, in those of the CT, as in the settings of a picture.
 pub(super) const PITCH: f64 = 1.0;
@@ -90,37 +84,6 @@ fn choose_function(state: &mut ViewState, unit: Unit, range: [f64; 2]) -> bool {
     chosen
 }
 
-/// What a picture on its way was begun for.
-struct Begun {
-    /// True if it is to be shown soon rather than well.
-    fast: bool,
-    /// Quality level of what moves.
-    level: Option<usize>,
-    /// True if it has a lower quality than it will have at rest.
-    draft: bool,
-    /// True if a frame shows it already, though it has not finished.
-    shown: bool,
-    /// Time of the first event behind the edit of the look that it shows.
-    edited: Option<Instant>,
-}
-
-/// Time that pictures took last on the device, ms.
-#[derive(Default)]
-struct PictureTimes {
-    fast: Option<f64>,
-    full: Option<f64>,
-}
-
-/// Instructions to the event loop between frames.
-pub enum Between {
-    /// Nothing is on its way.
-    Nothing,
-    /// A picture is on its way: ask again soon.
-    Waiting,
-    /// A frame should be drawn.
-    Draw,
-}
-
 /// Instructions to the event loop after a frame.
 pub struct Next {
     /// Time after which to draw again, even if nothing happens.
@@ -149,31 +112,31 @@ pub struct Viewer {
     object_changes: Vec<ObjectChange>,
     pub(super) range: [f64; 2],
     pub(super) thumbnails: Thumbnails,
-    controller: Controller,
+    pub(super) controller: Controller,
     /// Kind of splats whose quality levels the controller chooses from.
     pub(super) kind: SplatKind,
     /// True if the last picture has a lower quality than it will have at rest.
-    draft: bool,
+    pub(super) draft: bool,
     /// Time of the last movement; `None` once the picture was rendered in full.
-    moved: Option<Instant>,
+    pub(super) moved: Option<Instant>,
     /// Size for which the pictures on the device were rendered.
-    size: Option<[u32; 2]>,
+    pub(super) size: Option<[u32; 2]>,
     /// True if pictures have to be rendered whatever the user does.
     pub(super) stale: bool,
     /// True if the user has changed something since the last picture was begun.
-    changed: bool,
+    pub(super) changed: bool,
     /// True if that is the look, among other things.
-    look_changed: bool,
-    times: PictureTimes,
+    pub(super) look_changed: bool,
+    pub(super) times: PictureTimes,
     /// The picture on its way.
-    begun: Option<Begun>,
+    pub(super) begun: Option<Begun>,
     input_queue: InputQueue,
     /// Time of the first event that no frame has answered yet.
     happened: Option<Instant>,
     /// Time of the first event behind an edit of the look that no picture was begun for.
-    edited: Option<Instant>,
+    pub(super) edited: Option<Instant>,
     /// The same of the edit that the next frame shows.
-    answered: Option<Instant>,
+    pub(super) answered: Option<Instant>,
     /// Splat budget of the scenes.
     pub(super) budget: Option<u64>,
     /// Splats for which the data with which they move faster are there or being made.
@@ -181,7 +144,7 @@ pub struct Viewer {
     /// Splats whose field is being decoded for mode decoded.
     pub(super) decoding: BTreeSet<Subject>,
     /// True while there is nothing better than a draft in slabs, because the field is still being decoded.
-    waits: bool,
+    pub(super) waits: bool,
     /// True if the camera is to see everything once something is there.
     pub(super) fits: bool,
     /// Options of the device of a fit.
@@ -565,168 +528,6 @@ impl Viewer {
             window.request_redraw();
         }
         Ok(Next { again: again.filter(|after| !after.is_zero()), quit, dragged })
-    }
-
-    /// Begins a picture if one is needed. What is only to be shown soon is finished before the next one is begun, so that
-    /// something is seen of a drag; any other is given up for a newer one. Returns true if it is one of a drag.
-    fn render(&mut self, canvas: &mut Canvas, overlay: &Overlay) -> Result<bool> {
-        let shown = self.app.state.subjects(|subject| self.data.has(subject));
-        let chosen: Vec<_> = shown.iter().map(|&subject| self.chosen_mode(canvas, subject)).collect();
-        let chosen: BTreeMap<_, _> = shown.into_iter().zip(chosen).collect();
-        self.choose_levels();
-        let changes = self.app.take_changes();
-        self.changed |= changes.any();
-        self.look_changed |= changes.look;
-        if !self.look_changed {
-            self.edited = None;
-        }
-        let size = canvas::size(overlay.picture, overlay.pixels_per_point);
-        let quality = self.app.state.quality;
-        self.controller.set_budget_ms(quality.target_frame_ms);
-        let waits = chosen.iter().any(|(&subject, mode)| self.waits_for(subject, mode));
-        self.stale |= std::mem::replace(&mut self.waits, waits) && !waits;
-        // Another scene has given it up.
-        self.stale |= self.begun.take_if(|_| !canvas.is_rendering()).is_some();
-        let outdated = self.stale || self.changed || size != self.size;
-        if self.begun.as_ref().is_some_and(|begun| begun.fast || !outdated) {
-            return Ok(false);
-        }
-        let moves = quality.adaptive && self.changed && self.app.held() && size == self.size;
-        // Something is shown at once; the rest follows.
-        let first = quality.adaptive && canvas.is_blank() && self.data.fitted.is_none() || waits;
-        let rested = self.moved.is_some_and(|at| at.elapsed() >= REST || !quality.adaptive);
-        let (Some(pixels), true) = (size, outdated || rested) else { return Ok(false) };
-        let fast = moves || first;
-        let level = self.controller.level();
-        let given_up = |step| match (first, moves) {
-            (true, _) => FIRST,
-            (false, true) => quality_levels(self.kind)[level].quality.at_step(step),
-            (false, false) => Quality::FULL,
-        };
-        // The first level is the user's choice. So is every other level whose mode is not ready yet.
-        let faster = quality_levels(self.kind)[level].mode;
-        let mode_of = |subject| {
-            let other = moves && level > 0 && self.moves_in(canvas, subject, faster);
-            if other { faster } else { chosen[&subject] }
-        };
-        let has = |subject| self.data.has(subject);
-        let setups = render_setups(&self.app.state, pixels, mode_of, given_up, has);
-        let as_wanted =
-            |(subject, setup): &(Subject, RenderSetup)| setup.mode.name == self.wanted_mode(*subject);
-        let is_full = |(_, setup): &(Subject, RenderSetup)| setup.quality == Quality::FULL;
-        let draft = !setups.iter().all(|setup| is_full(setup) && as_wanted(setup));
-        let edited = self.begun.take().and_then(|given_up| given_up.edited);
-        if setups.is_empty() {
-            // Nothing will be refined.
-            (self.moved, self.changed) = (None, false);
-            return Ok(false);
-        }
-        self.set_look(canvas, &setups)?;
-        if quality.splat_budget != self.budget {
-            self.budget = quality.splat_budget;
-            canvas.set_splat_budget(self.budget)?;
-        }
-        let expected = match (first, fast) {
-            (true, _) => Some(0.0),
-            (_, true) => Some(self.times.fast.unwrap_or(0.0)),
-            (_, false) => self.times.full,
-        };
-        let shown = canvas.begin(setups, self.app.camera(), expected)?;
-        for (&subject, mode) in &chosen {
-            if self.waits_for(subject, mode) {
-                self.decode(canvas, subject)?;
-            }
-        }
-        let level = moves.then_some(level);
-        let edited = edited.or(self.edited.take());
-        self.begun = Some(Begun { fast, level, draft, shown, edited });
-        if shown {
-            self.show_begun();
-        }
-        // What waits is not refined by time.
-        self.moved = (fast && !waits).then(Instant::now);
-        (self.size, self.stale, self.changed) = (size, false, false);
-        Ok(moves)
-    }
-
-    /// Notes that the next frame shows what was begun.
-    fn show_begun(&mut self) {
-        if let Some(begun) = &mut self.begun {
-            begun.shown = true;
-            self.draft = begun.draft;
-            self.answered = self.answered.or(begun.edited.take());
-        }
-    }
-
-    /// Goes on with the picture on its way, between two frames of the window.
-    pub fn go_on(&mut self, canvas: &mut Canvas) -> Result<Between> {
-        let Some(ms) = canvas.go_on()? else {
-            return Ok(match (&self.begun, canvas.is_rendering()) {
-                (None, _) => Between::Nothing,
-                (Some(_), true) => Between::Waiting,
-                // It was given up.
-                (Some(_), false) => Between::Draw,
-            });
-        };
-        let was_shown = self.begun.as_ref().is_some_and(|begun| begun.shown);
-        self.show_begun();
-        let Some(begun) = self.begun.take() else { return Ok(Between::Nothing) };
-        *(if begun.fast { &mut self.times.fast } else { &mut self.times.full }) = Some(ms);
-        if let Some(level) = begun.level {
-            self.controller.finished(level, ms);
-        } else if !begun.fast {
-            // What moves next need not find out anew that the full quality would be too slow.
-            self.controller.foresee(ms);
-        }
-        tracing::debug!("picture rendered {}: {ms:.1} ms", if begun.fast { "fast" } else { "in full" });
-        if !begun.fast {
-            Subject::ALL.into_iter().try_for_each(|subject| canvas.warm_up(subject))?;
-            Subject::SETS.into_iter().try_for_each(|subject| self.prepare(canvas, subject))?;
-        }
-        self.count(canvas, ms, begun.fast);
-        Ok(if was_shown && !self.changed && !self.stale { Between::Nothing } else { Between::Draw })
-    }
-
-    /// Changes to the quality levels that belong to the mode that the user has chosen.
-    fn choose_levels(&mut self) {
-        let kind = match self.app.state.mode {
-            _ if self.error_shown => SplatKind::Grid,
-            SplatMode::Decoded => SplatKind::Grid,
-            SplatMode::Alpha => SplatKind::Coloured,
-            SplatMode::Slab | SplatMode::Exact => SplatKind::Field,
-        };
-        if kind != self.kind {
-            self.kind = kind;
-            self.controller = Controller::new(level_costs(quality_levels(kind)), self.controller.budget_ms());
-        }
-    }
-
-    /// Gives the scenes that are about to be rendered their looks.
-    fn set_look(&mut self, canvas: &mut Canvas, setups: &[(Subject, RenderSetup)]) -> Result<()> {
-        let changed = std::mem::take(&mut self.look_changed);
-        for (subject, _) in setups {
-            match self.look(*subject) {
-                Ok(look) => canvas.set_look(*subject, &look)?,
-                Err(error) if changed => self.app.report(&error),
-                Err(_) => {}
-            }
-        }
-        Ok(())
-    }
-
-    /// Updates the statistics with a picture that took `ms`; reading some of them would make a fast one wait.
-    fn count(&mut self, canvas: &Canvas, ms: f64, fast: bool) {
-        self.report.rendered(ms);
-        let statistics = &mut self.statistics;
-        statistics.frame(ms);
-        let passes = canvas.gpu().take_profile();
-        statistics.passes = passes.into_iter().map(|(name, time)| (name, time.total_ms)).collect();
-        statistics.memory = canvas.gpu().memory_by_purpose();
-        statistics.step = self.app.state.quality.step;
-        if !fast {
-            let splats = canvas.splats_of(Subject::Splats);
-            statistics.active_splats = splats.and_then(|splats| splats.active_count().ok());
-        }
     }
 
     /// Carries out what only the window can do. Returns true if the program is to end.
