@@ -179,7 +179,7 @@ fn dragged(step: usize) -> Look {
     let normal = DVec3::new(turn.cos(), turn.sin(), 0.0);
     let clip = vec![ClipPlane { normal, offset: normal.dot(DVec3::new(-95.0, 365.0, 1025.0)) - 20.0 }];
     let seen = Appearance { opacity: 0.5 + 0.4 * turn.sin() as f32, ..Appearance::default() };
-    let objects = [(3, seen), (4, Appearance { visible: step % 2 == 0, ..seen })].into();
+    let objects = [(3, seen), (4, Appearance { visible: step.is_multiple_of(2), ..seen })].into();
     Look { clip, objects, ..Look::new(transfer) }
 }
 
