@@ -100,11 +100,12 @@ def main():
     results = [(CASES[number], outcome, said) for number, outcome, said in found]
     wrong = faults(results, real, not arguments.only)
     if not arguments.only:
-        text = page.text(results, real)
-        if arguments.write:
-            page.PAGE.write_text(text)
-        elif not page.PAGE.exists() or page.PAGE.read_text() != text:
-            wrong.append("docs/results/outsiders.md is not what was found: VGS_WRITE_OUTSIDERS=1 writes it anew")
+        for name, text in page.files(results, real).items():
+            path = page.FOLDER / name
+            if arguments.write:
+                path.write_text(text)
+            elif not path.exists() or path.read_text() != text:
+                wrong.append(f"docs/results/{name} is not what was found: VGS_WRITE_OUTSIDERS=1 writes it anew")
     for fault in wrong:
         print(f"WRONG {fault}")
     count = collections.Counter(outcome.what for _, outcome, _ in results)

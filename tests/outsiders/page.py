@@ -1,13 +1,15 @@
-"""The page docs/results/outsiders.md, made of the results."""
+"""The page docs/results/outsiders.md and the tables that it links, made of the results."""
 
 import collections
+import csv
 import importlib.metadata
+import io
 import pathlib
 import re
 
 from known import ALONE, DISSENT, KNOWN_WRONG
 
-PAGE = pathlib.Path(__file__).resolve().parents[2] / "docs/results/outsiders.md"
+FOLDER = pathlib.Path(__file__).resolve().parents[2] / "docs/results"
 PACKAGES = ["pydicom", "SimpleITK", "highdicom", "nibabel", "pynrrd", "numpy", "shapely"]
 
 HEAD = """\
@@ -28,8 +30,15 @@ def table(head, rows):
     return "\n".join(lines + [f"| {' | '.join(str(cell) for cell in row)} |" for row in rows]) + "\n"
 
 
-def text(results, real):
-    """Returns the page; a result is a case, its outcome and what the outsiders say, a real one a row of `real_files`."""
+def rows_of(head, rows):
+    """Returns a table as CSV."""
+    out = io.StringIO()
+    csv.writer(out, lineterminator="\n").writerows([head, *rows])
+    return out.getvalue()
+
+
+def files(results, real):
+    """Returns the page and its tables by their names in FOLDER; a result is a case, its outcome and what the outsiders say, a real one a row of `real_files`."""
     packages = ", ".join(f"{name} {importlib.metadata.version(name)}" for name in PACKAGES)
     parts = [HEAD.format(packages=packages)]
     count = collections.defaultdict(collections.Counter)
@@ -37,23 +46,19 @@ def text(results, real):
         count[case.family][outcome.what] += 1
     total = sum(count.values(), collections.Counter())
     rows = [[family, sum(n.values()), n["equal"], n["refused"], n["wrong"]] for family, n in count.items()]
-    rows.append(
-        ["**all**", *(f"**{n}**" for n in [sum(total.values()), total["equal"], total["refused"], total["wrong"]])]
-    )
-    parts.append(table(["subject", "files", "equal", "refused", "wrong"], rows))
-    parts.append("## Refused\n")
+    made = {"data/outsiders.csv": rows_of(["subject", "files", "equal", "refused", "wrong"], rows)}
     codes = collections.defaultdict(list)
     for case, outcome, _ in results:
         if outcome.what == "refused":
             codes[outcome.told.split()[0]].append(case)
+    refused = [
+        [code, len(cases), sum(case.truth is None for case in cases), cases[0].name]
+        for code, cases in sorted(codes.items())
+    ]
+    made["data/outsiders-refused.csv"] = rows_of(["code", "files", "without a right reading", "such as"], refused)
     parts.append(
-        table(
-            ["code", "files", "without a right reading", "such as"],
-            [
-                [code, len(cases), sum(case.truth is None for case in cases), cases[0].name.replace("|", "/")]
-                for code, cases in sorted(codes.items())
-            ],
-        )
+        f"Of {sum(total.values())} files {total['equal']} are equal, {total['refused']} refused and {total['wrong']} "
+        f"wrong: [by subject](data/outsiders.csv), [by the error](data/outsiders-refused.csv).\n"
     )
     parts.append("## Where others read otherwise\n\nvgs reads these rightly or refuses them.\n")
     parts.append(
@@ -66,41 +71,35 @@ def text(results, real):
             ],
         )
     )
-    parts.append("## What no other program confirms\n")
-    parts.append(
-        table(
-            ["files", "why it is right"],
-            [
-                [
-                    sum(alone(case, said) and bool(re.match(pattern, case.name)) for case, _, said in results),
-                    f"{why} ({example(pattern, results)})",
-                ]
-                for pattern, why in ALONE
-            ],
-        )
-    )
-    parts.append(
-        "## Files of scanners and programs\n\nThe test files of pydicom, pydicom-data and nibabel; *equal* is to pydicom or "
-        "nibabel.\n"
-    )
+    confirmed = [
+        [
+            sum(alone(case, said) and bool(re.match(pattern, case.name)) for case, _, said in results),
+            f"{why} ({example(pattern, results)})",
+        ]
+        for pattern, why in ALONE
+    ]
+    made["data/outsiders-alone.csv"] = rows_of(["files", "why it is right"], confirmed)
     groups = collections.defaultdict(list)
     for row in real:
         groups[row.became].append(row)
+    became = [[what, len(rows), f"{rows[0].file}: {told(rows[0])}"] for what, rows in sorted(groups.items())]
+    made["data/outsiders-real.csv"] = rows_of(["became", "files", "such as"], became)
     parts.append(
-        table(
-            ["became", "files", "such as"],
-            [[became, len(rows), f"{rows[0].file}: {told(rows[0])}"] for became, rows in sorted(groups.items())],
-        )
+        f"For {sum(n for n, _ in confirmed)} files [no other program confirms](data/outsiders-alone.csv) what is right by the "
+        f"standard. Of {len(real)} test files of pydicom, pydicom-data and nibabel, "
+        f"{sum(row.became == 'read, equal' for row in real)} are equal to what these read; [the rest]"
+        "(data/outsiders-real.csv) is refused by name.\n"
     )
     if KNOWN_WRONG:
         parts.append("## Known to be wrong\n")
         parts.append(table(["file", "what is wrong"], KNOWN_WRONG.items()))
-    return "\n".join(parts)
+    made["outsiders.md"] = "\n".join(parts)
+    return made
 
 
 def told(row):
     """Returns what was told of a file, without the folder that it lay in."""
-    return re.sub(r"/\S*/real\d+/", "", row.told).split(" (")[0].replace("|", "/")[:100]
+    return re.sub(r"/\S*/real\d+/", "", row.told).split(" (")[0][:100]
 
 
 def alone(case, said):

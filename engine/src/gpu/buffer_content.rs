@@ -78,6 +78,10 @@ impl Gpu {
 
     /// Creates a storage buffer that holds `data`.
     pub fn upload<T: Pod>(&self, name: &str, purpose: &'static str, data: &[T]) -> Result<Buffer<T>> {
+        if data.is_empty() {
+            // Its memory has one element all the same.
+            return self.buffer(name, purpose, 0);
+        }
         let mut buffer = self.uninitialised(name, purpose, data.len())?;
         buffer.write_range(0, data)?;
         Ok(buffer)

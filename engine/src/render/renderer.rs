@@ -67,8 +67,8 @@ impl Renderer {
         }
     }
 
-    /// Submits the rendering of a part of such pictures, and does not wait. The parts follow each other, with the same scene, cameras and
-    /// quality; before the first one, what was submitted earlier has finished.
+    /// Submits the rendering of a part of such pictures, and does not wait. The parts follow each other, with the
+    /// same scene, cameras and quality; before the first one, what was submitted earlier has finished.
     ///
     /// # Panics
     /// If there are not as many cameras as the settings had views.
@@ -93,8 +93,8 @@ impl Renderer {
         self.mode.warm_up(scene)
     }
 
-    /// Grows the buffers that were too small for the submitted pictures, which have finished. Returns true if these have to be rendered
-    /// again.
+    /// Grows the buffers that were too small for the submitted pictures, which have finished. Returns true if these
+    /// have to be rendered again.
     pub fn settle(&mut self) -> Result<bool> {
         self.mode.settle()
     }
