@@ -7,7 +7,7 @@ use engine::Result;
 use engine::budget::Controller;
 use engine::render::{Quality, SplatKind, level_costs, quality_levels};
 
-use super::begun::{Begun, REST};
+use super::begun::{Begun, PictureTimes, REST};
 use super::viewer::Viewer;
 use crate::canvas::{self, Canvas, Overlay, render_setups};
 use crate::rendered_scene::RenderSetup;
@@ -103,6 +103,10 @@ impl Viewer {
         if shown {
             self.show_begun();
         }
+        if !canvas.is_rendering() {
+            // Nothing of it is on the device: there is nothing to wait for.
+            self.begun = None;
+        }
         // What waits is not refined by time.
         self.moved = (fast && !waits).then(Instant::now);
         (self.size, self.stale, self.changed) = (size, false, false);
@@ -157,6 +161,7 @@ impl Viewer {
         };
         if kind != self.kind {
             self.kind = kind;
+            self.times = PictureTimes::default();
             self.controller = Controller::new(level_costs(quality_levels(kind)), self.controller.budget_ms());
         }
     }

@@ -369,6 +369,7 @@ impl Viewer {
 
     pub(super) fn set_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         self.range = self.data.range();
+        self.times = PictureTimes::default();
         self.prepared.remove(&subject);
         self.decoding.remove(&subject);
         let mut without_hu = false;
