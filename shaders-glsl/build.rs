@@ -1,7 +1,7 @@
 //! Compiles every stage file with glslang (through shaderc), reflects it, and writes one table to `OUT_DIR`:
 //! `shaders.rs` with a `Shader` per file, a module of constants per file that has some, and a compile-time
 //! check that each struct which a shader shares with the host has the same fields at the same offsets in
-//! `src/types.rs`.
+//! `interface/src/types.rs`.
 //!
 //! The unoptimised SPIR-V is reflected, because optimising drops names and unused bindings; the optimised one
 //! is shipped.
@@ -14,6 +14,10 @@ use std::{env, fs};
 use spirq::ReflectConfig;
 use spirq::ty::{AccessType, DescriptorType, Type};
 use spirq::var::Variable;
+
+use constants::{Modules, list, module, read_constants};
+
+mod constants;
 
 /// The folders that hold shaders; `include/` holds the files that they share.
 const FOLDERS: [&str; 5] = ["common", "fit", "headset", "render", "window"];
@@ -91,57 +95,6 @@ fn main() {
         items += &layout_check(name, fields);
     }
     fs::write(out.join("shaders.rs"), items).expect("OUT_DIR is writable");
-}
-
-/// Returns the files of a folder, sorted.
-fn list(folder: &Path) -> Vec<PathBuf> {
-    let mut files: Vec<_> = fs::read_dir(folder)
-        .unwrap_or_else(|e| panic!("{}: {e}", folder.display()))
-        .map(|f| f.expect("a readable folder").path())
-        .collect();
-    files.sort();
-    files
-}
-
-/// Notes the constants of a source that are plain numbers: lines such as `const uint PLANES = 8;`.
-fn read_constants(file: &Path, root: &Path, modules: &mut Modules) {
-    let shown = file.strip_prefix(root).unwrap_or(file).to_string_lossy().into_owned();
-    let module = file.file_stem().expect("a file has a name").to_string_lossy().into_owned();
-    for line in fs::read_to_string(file).expect("a listed file is readable").lines() {
-        let Some((declared, value)) = line
-            .strip_prefix("const ")
-            .and_then(|rest| rest.split(';').next())
-            .and_then(|statement| statement.split_once(" = "))
-        else {
-            continue;
-        };
-        let value = value.trim_end_matches('u');
-        let (ty, value) = match declared.split_once(' ') {
-            Some(("uint", _)) => match value.strip_prefix("0x") {
-                Some(digits) => ("u32", u32::from_str_radix(digits, 16).ok().map(|v| v.to_string())),
-                None => ("u32", value.parse::<u32>().ok().map(|v| v.to_string())),
-            },
-            Some(("float", _)) => ("f32", value.parse::<f32>().ok().map(|v| format!("{v:?}"))),
-            _ => continue,
-        };
-        let (Some(value), Some((_, name))) = (value, declared.split_once(' ')) else { continue };
-        let item = format!("pub const {name}: {ty} = {value};");
-        let before =
-            modules.entry(module.clone()).or_default().insert(name.to_owned(), (item.clone(), shown.clone()));
-        assert!(
-            before.is_none_or(|(other, _)| other == item),
-            "{shown}: {name} differs from another {module}'s"
-        );
-    }
-}
-
-/// Constants by the stem of their file and their name; each has its item and its file.
-type Modules = BTreeMap<String, BTreeMap<String, (String, String)>>;
-
-fn module(name: &str, constants: &BTreeMap<String, (String, String)>) -> String {
-    let items: String =
-        constants.iter().map(|(name, (item, file))| format!("/// `{name}` of `{file}`\n{item}\n")).collect();
-    format!("/// Constants of the shaders called `{name}`.\npub mod {name} {{\n{items}}}\n")
 }
 
 /// Reads the workgroup of a kernel from `layout(local_size_x = 64) in;`; `None` if a specialisation constant

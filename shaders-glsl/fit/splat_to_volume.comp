@@ -11,7 +11,7 @@
 //
 // A workgroup owns 8 cells. With GROUP = 64 they go side by side, as GPUs want it. With GROUP = 8 they go one
 // after the other: then all loads are uniform, which a CPU driver turns into scalar ones, five times faster
-// there. engine/src/passes/workgroup_shape.rs has the choice.
+// there. engine/passes/src/workgroup_shape.rs has the choice.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"

@@ -7,7 +7,7 @@
 // What these sums mean for the parameters is moments_to_grad's business.
 //
 // A workgroup owns one splat (GROUP = 8: its loads are uniform, for CPU drivers) or eight (GROUP = 64: for
-// GPUs). engine/src/passes/workgroup_shape.rs has the choice.
+// GPUs). engine/passes/src/workgroup_shape.rs has the choice.
 #include "splat.glsl"
 #include "kernel.glsl"
 #include "brick.glsl"

@@ -8,6 +8,9 @@
 #define DECONVOLUTION_GLSL
 #extension GL_EXT_scalar_block_layout : require
 
+// Rounds after the first. Each but the last one goes twice as far as Richardson and Lucy do.
+const uint ROUNDS = 3;
+
 layout(push_constant, scalar) uniform DeconvolutionParams {
     uint count;
     uint round;

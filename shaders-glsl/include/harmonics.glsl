@@ -1,4 +1,4 @@
-// Colours of standard splats: real spherical harmonics up to degree 3 (engine/src/splat/harmonics.rs), their
+// Colours of standard splats: real spherical harmonics up to degree 3 (engine/splat/src/harmonics.rs), their
 // coefficients in halves.
 #ifndef HARMONICS_GLSL
 #define HARMONICS_GLSL

@@ -1,5 +1,5 @@
 // The splat kernel κ(q) of the squared whitened distance q, as a specialisation constant chooses it
-// (engine/src/splat/kernel.rs has the same profiles).
+// (engine/splat/src/kernel.rs has the same profiles).
 #ifndef KERNEL_GLSL
 #define KERNEL_GLSL
 

@@ -1,6 +1,6 @@
 // How intensities become colour and opacity: the tables of a look. Function 0 is that of the scene, others are of
 // objects; each has a row, and its entries from the row's offset on.
-// engine/src/transfer/table has the same on the host. LOOK_BINDING is the first of their three places.
+// engine/transfer/src/table has the same on the host. LOOK_BINDING is the first of their three places.
 #ifndef LOOK_TABLE_GLSL
 #define LOOK_TABLE_GLSL
 #include "look_row.glsl"

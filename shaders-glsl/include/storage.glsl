@@ -1,5 +1,5 @@
 // How the two numbers of a sample are stored between the passes of a step: as floats in two words, or as
-// halves in one. Whatever is summed is a float. engine/src/passes/storage.rs has the other side.
+// halves in one. Whatever is summed is a float. engine/passes/src/storage.rs has the other side.
 #ifndef STORAGE_GLSL
 #define STORAGE_GLSL
 

@@ -10,8 +10,6 @@ layout(scalar, binding = 3) readonly buffer Ratios { uvec2 ratios[]; };
 layout(scalar, binding = 4) buffer Media { vec4 media[]; };
 layout(scalar, binding = 5) writeonly buffer MediaHalves { uvec2 media_halves[]; };
 
-// Rounds after the first. Each but the last one goes twice as far as Richardson and Lucy do.
-const uint ROUNDS = 3;
 const float LEAST_MEDIUM = 1e-7;
 // A round multiplies by no less and no more.
 const float LEAST_FACTOR = 0.05;

@@ -5,7 +5,7 @@
 //! here: such a number is written in GLSL only.
 #![forbid(unsafe_code)]
 
-pub mod types;
+pub use shader_interface::types;
 
 /// Access of a kernel to a bound resource.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

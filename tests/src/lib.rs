@@ -1,6 +1,6 @@
 //! Helpers that the tests of vgs share: a device that fails on validation messages, a tolerance model, seeded
 //! scenes, one forward and backward pass with all its results, golden texts, and the table of
-//! docs/results/numerics.md.
+//! docs/results/data/numerics.csv.
 //!
 //! The tests themselves are in `tests/`, one file per question: does each kernel compute what its reference
 //! implementation does (`oracle`), are the derivatives right (`gradients`), what holds without any reference

@@ -3,14 +3,14 @@
 
 use engine::gpu::Gpu;
 use engine::image::Image;
-use engine::reference::eye::{self, Eye};
-use engine::reference::slab as reference;
 use engine::render::{Camera, Look, MODES, ModeRow, Renderer, Scene, Settings};
 use engine::splat::{Field, Kernel, Splat, SplatSet};
 use engine::transfer::{FixedTo, Light, Table, TransferFunction, preset};
 use engine::unit::Unit;
 use glam::{DVec3, DVec4, Vec3};
 use rand::RngExt;
+use reference::eye::{self, Eye};
+use reference::slab;
 
 use crate::scene::{random, splat};
 
@@ -107,18 +107,18 @@ pub fn reference_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &
         eye::Appearance { tint, opacity: f64::from(shown.opacity) }
     };
     let seen = |(i, s): (usize, &Splat)| {
-        let seen = reference::seen(&s.into(), &eye, set.field.kernel, background)?;
-        Some(reference::Seen { appearance: appearance(i), ..seen })
+        let seen = slab::seen(&s.into(), &eye, set.field.kernel, background)?;
+        Some(slab::Seen { appearance: appearance(i), ..seen })
     };
     let splats: Vec<_> = set.splats.iter().enumerate().filter_map(seen).collect();
     let [low, high] = gpu_splats.bounds;
     let radius = (high - low).length() * 0.5;
     let spacing = gpu_splats.sigma_mm * step;
     let first = (eye.seen((low + high) * 0.5).z - radius).max(1.0);
-    let planes = reference::Planes { first, spacing, count: (2.0 * radius / spacing).ceil() as u32 + 8 };
+    let planes = slab::Planes { first, spacing, count: (2.0 * radius / spacing).ceil() as u32 + 8 };
     let table = Table::new(&look.transfer, gpu_splats.range);
     let [visible, _] = look.transfer.visible().expect("something to see");
-    let reference_look = reference::Look {
+    let reference_look = slab::Look {
         table: &table,
         functions: &[],
         material: &look.transfer.material,
@@ -133,7 +133,7 @@ pub fn reference_picture(set: &SplatSet, scene: &Scene, camera: &Camera, look: &
     let pixels = (0..size[0] * size[1])
         .map(|i| {
             let ray = eye.ray([(i % size[0]) as f64 + 0.5, (i / size[0]) as f64 + 0.5], SIZE);
-            reference::ray(&splats, &set.field, &eye, ray, &planes, &reference_look).pixel().map(|v| v as f32)
+            slab::ray(&splats, &set.field, &eye, ray, &planes, &reference_look).pixel().map(|v| v as f32)
         })
         .collect();
     Image { size, pixels }

@@ -1,12 +1,12 @@
 //! Seeded scenes: splats that differ as much as possible, and a brick grid with holes.
 
-use engine::reference::{self, Samples};
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use glam::{IVec3, UVec3, Vec3};
 use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
+use reference::Samples;
 use shaders_glsl::types::Target;
 
 /// ε of equation (2) in the tests.

@@ -7,11 +7,11 @@ use engine::passes::loss::{
     TERMS, Weighted,
 };
 use engine::passes::{Gradient, Losses, Rasterizer, Storage};
-use engine::reference;
-use engine::reference::loss::Quantity;
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
+use reference;
+use reference::loss::Quantity;
 use shaders_glsl::types::{Adjoint, Footprint, Reconstruction, SplatGrad, Target};
 
 use crate::Scene;

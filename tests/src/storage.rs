@@ -2,7 +2,7 @@
 
 use bytemuck::Pod;
 use engine::passes::Storage;
-use engine::reference::half;
+use reference::half;
 
 /// Both storages.
 pub const STORAGES: [Storage; 2] = [Storage::Full, Storage::Mixed];

@@ -12,11 +12,11 @@ use engine::volume::{LabelChoice, Labels, Roi};
 use glam::DVec3;
 use vgs_tests::device::{Device, assert_silent, with_validation};
 use vgs_tests::fitting::Case;
-use view::deletions::{Bounds, Deletion, Target};
-use view::fit_plan::{FitStatus, Stage};
-use view::fitting::{FitOrder, Fitting, News};
-use view::loader::{LoadedSplats, LoadedVolume};
-use view::state::ViewState;
+use view::io::fitting::{FitOrder, Fitting, News};
+use view::io::loader::{LoadedSplats, LoadedVolume};
+use view::model::deletions::{Bounds, Deletion, Target};
+use view::model::fit_plan::{FitStatus, Stage};
+use view::model::state::ViewState;
 
 const PATIENCE: Duration = Duration::from_secs(120);
 

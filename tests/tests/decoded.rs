@@ -4,11 +4,6 @@ use engine::error::Kind;
 use engine::fit::with_part_of_mask;
 use engine::gpu::Gpu;
 use engine::image::{Image, psnr};
-use engine::reference::eye::{self, Eye};
-use engine::reference::raymarch::{self, Cells};
-use engine::reference::slab::Look as ReferenceLook;
-use engine::reference::splat_bounds::footprint;
-use engine::reference::{self, Footprint};
 use engine::render::{
     Appearance, Classification, ClipPlane, Decoded, Look, Renderer, Scene, Settings, VolumeSource, decode,
     mode,
@@ -17,6 +12,11 @@ use engine::splat::{Exception, Form, Grid, Kernel, Splat, SplatSet};
 use engine::transfer::{OpacityPoint, Table};
 use engine::volume::phantom::Phantom;
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4, Vec3};
+use reference::Footprint;
+use reference::eye::{self, Eye};
+use reference::raymarch::{self, Cells};
+use reference::slab::Look as ReferenceLook;
+use reference::splat_bounds::footprint;
 use vgs_tests::rendering::{SIZE, camera, look, render, set, settings};
 use vgs_tests::{Bound, Device, assert_close, picture};
 

@@ -2,9 +2,9 @@
 
 use engine::gpu::GpuOptions;
 use engine::passes::Scan;
-use engine::reference::scan;
 use engine::render::{Camera, Quality, Renderer, Scene as Shown, Settings, mode};
 use engine::splat::Kernel;
+use reference::scan;
 use vgs_tests::rendering::{look, set};
 use vgs_tests::{Device, Scene, step};
 

@@ -5,14 +5,14 @@
 //! kernel are placed so that no sample lies at its cut-off, where the objective jumps.
 
 use engine::passes::loss::{INTENSITY_DICE, INTENSITY_KL, MSE, TERMS, Weighted};
-use engine::reference::types::LANES;
-use engine::reference::{self, Gradient, Samples, objective};
 use engine::splat::kernel::KERNELS;
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
 use glam::{IVec3, UVec3, Vec3};
 use rand::RngExt;
 use rand_pcg::Pcg64;
+use reference::types::LANES;
+use reference::{Gradient, Samples, objective};
 use shaders_glsl::types::Target;
 use vgs_tests::scene::{EPSILON, random, splat};
 use vgs_tests::{Bound, Device, assert_close, step};

@@ -3,12 +3,12 @@
 
 use engine::passes::WorkgroupShape;
 use engine::passes::{Gradient, Rasterizer};
-use engine::reference::{Footprint, Samples, splat_to_volume};
 use engine::splat::kernel::LN_PEAK_MAX;
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use glam::{DVec3, IVec3, Vec3};
+use reference::{Footprint, Samples, splat_to_volume};
 use shaders_glsl::types::Target;
 use vgs_tests::sampling::{KERNELS, bricks, field, one, sample, some_splats};
 use vgs_tests::scene::{EPSILON, random, rotation};

@@ -2,10 +2,10 @@
 
 use engine::gpu::Gpu;
 use engine::passes::{RadixSort, Scan};
-use engine::reference::{radix, scan};
 use proptest::prelude::*;
 use proptest::test_runner::{Config, RngSeed};
 use rand::RngExt;
+use reference::{radix, scan};
 use vgs_tests::Device;
 use vgs_tests::scene::random;
 

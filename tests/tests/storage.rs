@@ -2,10 +2,10 @@
 //! as good and as repeatable as with full storage. That it is the nearest f16 is N11, in `extremes/storage.rs`.
 
 use engine::fit::Storage;
-use engine::reference::half;
 use engine::splat::activation::LOG_SCALE_LIMIT;
 use engine::splat::kernel::KERNELS;
 use engine::splat::{self, Splat};
+use reference::half;
 use shaders_glsl::types::Target;
 use vgs_tests::fitting::Case;
 use vgs_tests::{Bound, Device, Scene, assert_close, step};
@@ -23,7 +23,7 @@ fn mixed_samples_are_full_ones_rounded() {
             assert_eq!((m.weight, m.value), (rounded(f.weight), rounded(f.value)), "{}", row.name);
         }
         let lanes = |pass: &step::Pass| -> Vec<[f64; 11]> {
-            pass.gradients.iter().map(|g| engine::reference::Gradient::from(g).lanes()).collect()
+            pass.gradients.iter().map(|g| reference::Gradient::from(g).lanes()).collect()
         };
         let (got, wanted) = (lanes(&mixed), lanes(&full));
         for lane in 0..11 {

@@ -3,15 +3,15 @@
 use engine::error::Kind;
 use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
-use engine::reference::eye::Eye;
-use engine::reference::raymarch as reference;
-use engine::reference::slab::Look as ReferenceLook;
 use engine::render::{
     Camera, Classification, ClipPlane, Fov, Look, Quality, Renderer, Scene, Settings, VolumeSource, mode,
 };
 use engine::transfer::{ColourPoint, Material, OpacityPoint, Table, TransferFunction, preset};
 use engine::volume::{Roi, Volume};
 use glam::{DAffine3, DMat3, DVec3};
+use reference::eye::Eye;
+use reference::raymarch;
+use reference::slab::Look as ReferenceLook;
 use vgs_tests::{Device, picture, rendering};
 
 const SIZE: [u32; 2] = [72, 56];
@@ -111,7 +111,7 @@ fn pictures_are_those_of_the_reference() {
             let scene_from_voxel = DAffine3::from_translation(-scene.origin) * volume.world_from_voxel;
             let mask = roi.map(|roi| roi.weight.as_slice());
             let [visible, _] = look.transfer.visible().expect("something to see");
-            let medium = reference::Medium::new(volume.size, scene_from_voxel, &volume.samples, mask)
+            let medium = raymarch::Medium::new(volume.size, scene_from_voxel, &volume.samples, mask)
                 .with_own_gradients(visible);
             let reference_look = ReferenceLook {
                 table: &Table::new(&look.transfer, [-1000.0, 700.0]),
@@ -125,10 +125,10 @@ fn pictures_are_those_of_the_reference() {
                 least_light: 1e-4,
             };
             let eye = Eye::from(&camera.view(scene.origin));
-            let cells = reference::Cells { length: 1.0, parts: 2, slack: 1700.0 / 32.0 };
+            let cells = raymarch::Cells { length: 1.0, parts: 2, slack: 1700.0 / 32.0 };
             Image {
                 size: SIZE.map(|n| n as usize),
-                pixels: reference::render(&medium, &eye, SIZE, &reference_look, &cells),
+                pixels: raymarch::render(&medium, &eye, SIZE, &reference_look, &cells),
             }
         });
     }

@@ -3,8 +3,8 @@
 use egui::{Color32, Rect, pos2, vec2};
 use engine::gpu::{Format, Gpu, Image};
 use vgs_tests::Device;
-use view::composer::{Composer, Composition, Layer};
-use view::painter::{Painter, Painting};
+use view::screen::composer::{Composer, Composition, Layer};
+use view::screen::painter::{Painter, Painting};
 
 const SIZE: [u32; 2] = [64, 48];
 

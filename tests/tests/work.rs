@@ -6,14 +6,14 @@ use std::collections::{BTreeMap, BTreeSet};
 
 use engine::gpu::Gpu;
 use engine::passes::WorkgroupShape;
-use engine::reference::eye::{self, Eye};
-use engine::reference::quads::{self, Face, Quad};
-use engine::reference::slab::{self as reference, Seen};
 use engine::render::{Camera, Look, Rays, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Harmonics, Kernel};
 use engine::transfer::{ColourPoint, Light, Material, OpacityPoint, TransferFunction};
 use engine::volume::Volume;
 use glam::{DAffine3, DVec2, DVec3};
+use reference::eye::{self, Eye};
+use reference::quads::{self, Face, Quad};
+use reference::slab::{self, Seen};
 use vgs_tests::Device;
 use vgs_tests::rendering::{SIZE, camera, look, set};
 
@@ -49,7 +49,7 @@ impl Planes {
         let splats = scene.splats.as_ref().expect("splats");
         let [low, high] = splats.bounds;
         let (radius, spacing) = ((high - low).length() * 0.5, splats.sigma_mm);
-        let first = (eye.seen((low + high) * 0.5).z - radius).max(reference::NEAREST);
+        let first = (eye.seen((low + high) * 0.5).z - radius).max(slab::NEAREST);
         Planes { first, spacing, count: (2.0 * radius / (spacing * PLANES as f64)).ceil() as usize * PLANES }
     }
 
@@ -92,7 +92,7 @@ fn near(splats: &[Seen], eye: &Eye, planes: &Planes, part: [usize; 2]) -> BTreeS
         let reach = splat.extent * (1.0 + MARGIN);
         let beside = (0..2).any(|axis| {
             let corners = [(-1.0, -1.0), (-1.0, 1.0), (1.0, -1.0), (1.0, 1.0)].map(|(a, z): (f64, f64)| {
-                let depth = (splat.mean.z + z * reach.z).max(reference::NEAREST);
+                let depth = (splat.mean.z + z * reach.z).max(slab::NEAREST);
                 scale(axis, (splat.mean[axis] + a * reach[axis]) / depth)
             });
             let low = corners.iter().copied().fold(f64::INFINITY, f64::min);
@@ -147,7 +147,7 @@ fn slabs_count_what_their_reference_meets() {
     let splats: Vec<Seen> = set
         .splats
         .iter()
-        .map(|s| reference::seen(&s.into(), &eye, Kernel::Compact, background).expect("before the eye"))
+        .map(|s| slab::seen(&s.into(), &eye, Kernel::Compact, background).expect("before the eye"))
         .collect();
     let planes = Planes::of(&scene, &eye);
     let support = Kernel::Compact.support_q();
@@ -265,7 +265,7 @@ fn cells(volume: &Volume, scene: &Scene, eye: &Eye, ray: DVec3, step: f64) -> Op
     let direction = voxel_from_scene.transform_vector3(eye.direction(ray));
     let size = DVec3::from_array(volume.size.map(|n| n as f64));
     let (a, b) = ((-1.0 - origin) / direction, (size - origin) / direction);
-    let from = a.min(b).max_element().max(reference::NEAREST);
+    let from = a.min(b).max_element().max(slab::NEAREST);
     let to = a.max(b).min_element();
     let dz = step / ray.length();
     (from < to).then(|| [(from / dz).floor(), (to / dz).ceil() - 1.0])

@@ -2,7 +2,7 @@
 //! one. A hand whose joints are known is drawn after them.
 
 use glam::{DQuat, DVec3};
-use view::theme::{ACCENT, SIGNAL};
+use view::panels::theme::{ACCENT, SIGNAL};
 
 use crate::headset::{HOLDS, Hand, Hands, JOINTS, Joint, Pose};
 use crate::rods::Rod;

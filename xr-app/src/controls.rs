@@ -9,9 +9,9 @@ use engine::splat::Object;
 use engine::transfer::{PRESETS, load};
 use engine::unit::Unit;
 use glam::DVec3;
-use view::history::History;
-use view::state::{self, Clip, Edited, InHeadset, MOST_PLANES, ViewState};
-use view::transfer::Transfer;
+use view::model::history::History;
+use view::model::state::{self, Clip, Edited, InHeadset, MOST_PLANES, ViewState};
+use view::model::transfer::Transfer;
 
 use crate::feedback::{Feedback, GRAB, SNAP};
 use crate::headset::{HOLDS, Hand, Hands, Pose};

@@ -5,11 +5,11 @@ use std::path::{Path, PathBuf};
 use engine::gpu::Gpu;
 use engine::render::{ObjectChange, SplatKind, UsualLook};
 use engine::{Error, Kind, Result, transfer};
-use view::deletions::Deletion;
-use view::loader::{self, LoadedSplats, LoadedVolume};
-use view::sorting;
-use view::state::{Files, SplatMode, Subject, ViewState, is_session};
-use view::transfer::Transfer;
+use view::io::loader::{self, LoadedSplats, LoadedVolume};
+use view::io::sorting;
+use view::model::deletions::Deletion;
+use view::model::state::{Files, SplatMode, Subject, ViewState, is_session};
+use view::model::transfer::Transfer;
 
 use crate::controls::Start;
 
@@ -262,7 +262,7 @@ mod tests {
         state.objects[1].visible = false;
         // A headset shows nothing beside them, and does not even read it.
         (state.files.beside, state.shown) = (Some("coarse.vgs".into()), Subject::Beside);
-        state.clip.planes.push(view::state::Plane { on: true, normal: DVec3::X, offset_mm: 4.0 });
+        state.clip.planes.push(view::model::state::Plane { on: true, normal: DVec3::X, offset_mm: 4.0 });
         state.write(folder.path().join("s.toml"), false).expect("a session");
         let session = wanted(&folder, &["s.toml"]);
         let (content, start) = read(&session).expect("a session");
@@ -279,7 +279,7 @@ mod tests {
         let (_, start) = read(&wanted(&folder, &["bones.ply", "liver.ply"])).expect("splats");
         let mut state = start.state;
         state.files.splats = ["bones.ply", "liver.ply"].map(PathBuf::from).to_vec();
-        let object = |file| Deletion::Object(view::deletions::Target { file, label: None });
+        let object = |file| Deletion::Object(view::model::deletions::Target { file, label: None });
         state.deleted = vec![object(0)];
         state.write(folder.path().join("s.toml"), false).expect("a session");
         let (content, mut start) = read(&wanted(&folder, &["s.toml"])).expect("a session");

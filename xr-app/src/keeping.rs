@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use std::thread::JoinHandle;
 
 use engine::Result;
-use view::state::{Edited, Files, InHeadset, ViewState, is_session};
+use view::model::state::{Edited, Files, InHeadset, ViewState, is_session};
 
 /// Ending of the session that is written beside splats.
 const ENDING: &str = "vgs-session.toml";
@@ -98,7 +98,7 @@ fn new_beside(file: &Path) -> Option<PathBuf> {
 mod tests {
     use engine::transfer::preset;
     use glam::{DQuat, DVec3};
-    use view::state::Distance;
+    use view::model::state::Distance;
 
     use super::*;
 

@@ -9,7 +9,7 @@ use engine::gpu::{Acquired, Drawing, Format, Gpu, Image, Recorder, Surface, Wind
 use engine::{Error, Kind, Result};
 use shaders_glsl as glsl;
 use shaders_glsl::types::MirrorParams;
-use view::composer::{Composer, Composition, Layer};
+use view::screen::composer::{Composer, Composition, Layer};
 use winit::application::ApplicationHandler;
 use winit::dpi::PhysicalSize;
 use winit::event::WindowEvent;

@@ -12,12 +12,12 @@ use egui::{
     MouseWheelUnit, Order, Painter, PointerButton, Pos2, RawInput, Rect, ScrollArea, Stroke, StrokeKind,
     TexturesDelta, TouchPhase, Ui, Vec2, ViewportId, ViewportInfo, pos2, vec2,
 };
-use view::actions::Action;
-use view::editor::Editor;
-use view::panel_info::PanelInfo;
+use view::model::actions::Action;
+use view::model::panel_info::PanelInfo;
+use view::model::state::ViewState;
 use view::panels;
-use view::state::ViewState;
-use view::theme::{self, ACCENT, SIGNAL};
+use view::panels::editor::Editor;
+use view::panels::theme::{self, ACCENT, SIGNAL};
 
 use crate::card;
 

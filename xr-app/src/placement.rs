@@ -2,7 +2,7 @@
 
 use engine::render::Camera;
 use glam::{DMat3, DQuat, DVec3};
-use view::state::InHeadset;
+use view::model::state::InHeadset;
 
 use crate::headset::{DEPTH_RANGE, Eye, Pose};
 

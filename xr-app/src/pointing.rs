@@ -9,11 +9,11 @@ use engine::render::{Intensities, Look};
 use engine::splat::SplatSet;
 use glam::{DQuat, DVec3};
 use shaders_glsl::types::View;
-use view::actions::Action;
-use view::histogram::Histogram;
-use view::panel_info::PanelInfo;
-use view::pick::{Hit, Probe};
-use view::state::Distance;
+use view::model::actions::Action;
+use view::model::histogram::Histogram;
+use view::model::panel_info::PanelInfo;
+use view::model::pick::{Hit, Probe};
+use view::model::state::Distance;
 
 use crate::controls::{Button, Controls};
 use crate::feedback::{CLICK, GRAB};

@@ -10,8 +10,8 @@ use engine::gpu::{Gpu, GpuOptions, Windows};
 use engine::image::{self, Image, WriteOptions};
 use engine::render::{self, QualityLevel, Scene, SplatKind};
 use engine::{Error, Kind, Result, output};
-use view::settings::Settings;
-use view::state::ViewState;
+use view::model::settings::Settings;
+use view::model::state::ViewState;
 
 use crate::arguments::{Card, HeadsetArguments};
 use crate::controls::Start;

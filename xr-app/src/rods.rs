@@ -8,7 +8,7 @@ use glam::DVec3;
 use shaders_glsl::rods::CORNERS;
 use shaders_glsl::types::{self, RodsParams, View};
 use shaders_glsl::{RODS_FRAG, RODS_VERT};
-use view::painter::fill;
+use view::screen::painter::fill;
 
 use crate::eye_drawing::EyeDrawing;
 use crate::headset::FrameImages;

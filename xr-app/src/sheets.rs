@@ -14,7 +14,7 @@ use engine::render::IN_FLIGHT;
 use glam::DVec3;
 use shaders_glsl::types::{PanelVertex, Sheet, SheetsParams, View};
 use shaders_glsl::{PANELS_FRAG, SHEETS_VERT, Shader};
-use view::painter::{Mesh, Textures, fill};
+use view::screen::painter::{Mesh, Textures, fill};
 
 use crate::eye_drawing::EyeDrawing;
 use crate::headset::{FrameImages, Pose};

@@ -11,7 +11,7 @@ use engine::image::{self, Image};
 use engine::splat::{self, Activations as _, Splat, SplatSet};
 use engine::transfer::preset;
 use glam::DVec3;
-use view::state::{Distance, Plane, ViewState};
+use view::model::state::{Distance, Plane, ViewState};
 use xr_app::headset::{Eye, Pose};
 
 /// Intensity of the phantom: vessels with contrast medium, dark red by CT-Angio.

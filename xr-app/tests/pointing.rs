@@ -10,7 +10,7 @@ use engine::render::{Camera, Fov, Look, Renderer, Scene, Settings, mode};
 use engine::splat::{Activations as _, Splat, SplatSet};
 use engine::transfer::preset;
 use glam::{DQuat, DVec3};
-use view::transfer::Transfer;
+use view::model::transfer::Transfer;
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{Hand, Hands, Headset as _, Pose};
 use xr_app::panel::SIZE;

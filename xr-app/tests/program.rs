@@ -9,7 +9,7 @@ use engine::splat::{self, Activations as _, Form, Grid, Splat, SplatSet};
 use engine::volume::{Volume, nifti};
 use glam::{DAffine3, DVec3};
 use serde_json::Value;
-use view::state::ViewState;
+use view::model::state::ViewState;
 
 /// Returns a folder with a scene of so many splats in a cube of 12 cm, fitted for its 121³ voxels if so.
 fn folder(count: usize, for_grid: bool) -> tempfile::TempDir {
@@ -148,7 +148,7 @@ fn objects_sessions_and_volumes_are_shown() {
     let function = engine::transfer::load("CT-Bone", [0.0, 1000.0]).expect("a preset");
     let mut state = ViewState::new(&function);
     state.files.splats = vec!["scene.ply".into()];
-    state.objects = vec![view::state::Object::new(0, None, "scene")];
+    state.objects = vec![view::model::state::Object::new(0, None, "scene")];
     state.objects[0].tint = Some(DVec3::Y);
     state.write(folder.join("session.toml"), false).expect("a session");
     // The session is beside the files, not one more of them.

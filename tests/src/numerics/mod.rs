@@ -1,11 +1,10 @@
-//! The table of docs/results/numerics.md: scenarios at the extremes, with the bound of each error and the
+//! The table docs/results/data/numerics.csv: scenarios at the extremes, with the bound of each error and the
 //! worst one seen.
 //!
 //! A test hands its measured value to [`keep`], which holds it to the bound of its [`ExtremeRow`] and to the
-//! words of the docs. `VGS_WRITE_NUMERICS=1` writes the table anew, with the measured values; they differ
+//! words of the table. `VGS_WRITE_NUMERICS=1` writes the table anew, with the measured values; they differ
 //! from device to device, so without it only the bound counts.
 
-use std::fmt::Write as _;
 use std::fs::File;
 use std::path::{Path, PathBuf};
 
@@ -29,11 +28,11 @@ pub struct ExtremeRow {
     pub test: &'static str,
 }
 
-const BEGIN: &str = "| # | scenario | measured | at most | worst seen | test |\n|---|---|---|---|---|---|\n";
+const HEAD: &str = "number,worst_seen,at_most,measured,scenario,test\n";
 
-/// Returns the path of docs/results/numerics.md.
-pub fn page() -> PathBuf {
-    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/results/numerics.md")
+/// Returns the path of docs/results/data/numerics.csv.
+pub fn table() -> PathBuf {
+    Path::new(env!("CARGO_MANIFEST_DIR")).join("../docs/results/data/numerics.csv")
 }
 
 /// Returns true if the table is to be written anew.
@@ -41,61 +40,52 @@ pub fn writing() -> bool {
     std::env::var_os("VGS_WRITE_NUMERICS").is_some_and(|v| v == "1")
 }
 
-/// Holds a measured value to the row `id`; writes it to the docs if [`writing`].
+/// Holds a measured value to the row `id`; writes it to the table if [`writing`].
 ///
 /// # Panics
-/// If the value is beyond the bound or not a number, or if the docs have other words for the row.
+/// If the value is beyond the bound or not a number, or if the table has other words for the row.
 pub fn keep(id: &str, worst: f64) {
     let row = ROWS.iter().find(|row| row.id == id).unwrap_or_else(|| panic!("no row is called {id}"));
     println!("{id}: {}: {worst:.3e}, at most {}", row.measured, number(row.bound));
     assert!(worst <= row.bound, "{id}: {}: {worst} is beyond {}", row.measured, row.bound);
-    let page = page();
+    let table = table();
     if writing() {
         // Tests are processes that run at the same time, so they take a lock.
         let lock = File::create(std::env::temp_dir().join("vgs-numerics.lock")).expect("a lock");
         lock.lock().expect("the lock");
-        let text = std::fs::read_to_string(&page).expect("docs/results/numerics.md");
-        std::fs::write(&page, with(&text, id, &number(worst))).expect("writing docs/results/numerics.md");
+        let text = std::fs::read_to_string(&table).unwrap_or_default();
+        let new = written(|other| if other == id { Some(number(worst)) } else { seen(&text, other) });
+        std::fs::write(&table, new).expect("writing the table");
         return;
     }
-    let text = std::fs::read_to_string(&page).expect("docs/results/numerics.md");
-    let found = text.lines().find(|line| line.starts_with(&format!("| {id} |")));
+    let text = std::fs::read_to_string(&table).expect("docs/results/data/numerics.csv");
     let kept = seen(&text, id).unwrap_or_default();
-    assert_eq!(
-        found,
-        Some(line(row, &kept).as_str()),
-        "docs/results/numerics.md; VGS_WRITE_NUMERICS=1 writes it anew"
+    assert!(
+        text.lines().any(|found| found == line(row, &kept)),
+        "docs/results/data/numerics.csv has other words for {id}; VGS_WRITE_NUMERICS=1 writes it anew"
     );
 }
 
-/// Returns the worst value of a row in the text.
+/// Returns the worst value of a row in the text of the table.
 pub fn seen(text: &str, id: &str) -> Option<String> {
-    let line = text.lines().find(|line| line.starts_with(&format!("| {id} |")))?;
-    Some(line.split(" | ").nth(4)?.trim().to_owned())
+    let (_, rest) = text.lines().filter_map(|line| line.split_once(',')).find(|(number, _)| *number == id)?;
+    Some(rest.split(',').next()?.to_owned())
 }
 
-/// Writes the table with the worst values that `seen` returns.
-pub fn table(seen: impl Fn(&str) -> Option<String>) -> String {
-    let mut out = BEGIN.to_owned();
-    for row in ROWS {
-        // Writing to a string cannot fail.
-        let _ = writeln!(out, "{}", line(row, &seen(row.id).unwrap_or_default()));
-    }
-    out
-}
-
-/// Returns the text with its table written anew, and a new worst value for a row.
-fn with(text: &str, id: &str, worst: &str) -> String {
-    let start = text.find(BEGIN).expect("docs/results/numerics.md has a table");
-    let length: usize =
-        text[start..].split_inclusive('\n').take_while(|l| l.starts_with('|')).map(str::len).sum();
-    let new = table(|row| if row == id { Some(worst.to_owned()) } else { seen(text, row) });
-    format!("{}{new}{}", &text[..start], &text[start + length..])
+/// Returns the table with the worst values that `seen` returns.
+pub fn written(seen: impl Fn(&str) -> Option<String>) -> String {
+    let lines = ROWS.iter().map(|row| line(row, &seen(row.id).unwrap_or_default()) + "\n");
+    HEAD.to_owned() + &lines.collect::<String>()
 }
 
 fn line(row: &ExtremeRow, worst: &str) -> String {
     let ExtremeRow { id, scenario, measured, test, .. } = row;
-    format!("| {id} | {scenario} | {measured} | {} | {worst} | `{test}` |", number(row.bound))
+    format!("{id},{worst},{},{},{},{test}", number(row.bound), quoted(measured), quoted(scenario))
+}
+
+/// Returns a text as a cell, in quotes where it has a comma.
+fn quoted(text: &str) -> String {
+    if text.contains(',') { format!("\"{text}\"") } else { text.to_owned() }
 }
 
 /// Formats a number as in the table: whole numbers plainly, others with two digits.
@@ -109,13 +99,11 @@ mod tests {
 
     #[test]
     fn a_row_is_written_and_read() {
-        let id = ROWS[1].id;
-        let text = format!("before\n\n{}\nafter\n", table(|_| Some("1".into())));
-        let new = with(&text, id, "2.5e-3");
-        assert_eq!(seen(&new, id).as_deref(), Some("2.5e-3"));
-        assert_eq!(seen(&new, ROWS[0].id).as_deref(), Some("1"));
-        assert!(new.starts_with("before\n\n|") && new.ends_with("|\n\nafter\n"));
-        assert_eq!(new.lines().count(), text.lines().count());
+        let text = written(|id| (id == ROWS[1].id).then(|| "2.5e-3".to_owned()));
+        assert_eq!(seen(&text, ROWS[1].id).as_deref(), Some("2.5e-3"));
+        assert_eq!(seen(&text, ROWS[0].id).as_deref(), Some(""));
+        assert_eq!(seen(&text, "N"), None);
+        assert_eq!(text.lines().count(), 1 + ROWS.len());
     }
 
     #[test]

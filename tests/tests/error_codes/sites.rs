@@ -12,8 +12,14 @@ use super::tokens::Token::{self, Sign, Text, Word};
 use super::tokens::{arguments, around, closing, statement_end, tokens, without_tests};
 
 /// The folders whose sources are read.
-const FOLDERS: [&str; 6] =
-    ["engine/src", "tools/view/src", "tools/cli/src", "xr-app/src", "tools/bench/src", "tools/studies/src"];
+const FOLDERS: [&str; 6] = [
+    "engine",
+    "tools/view/src",
+    "tools/cli/src",
+    "xr-app/src",
+    "tools/research/bench/src",
+    "tools/research/studies/src",
+];
 /// How often a message is followed from a variable to its value.
 const DEPTH: usize = 3;
 

@@ -7,12 +7,12 @@ use std::process::Command;
 
 use engine::gpu::devices;
 use engine::image::{Image, flip};
-use engine::reference::{Footprint, splat_to_volume};
 use engine::render::{Classification, Scene, Settings, mode};
 use engine::splat::{Field, Kernel, Splat};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use glam::{IVec3, UVec3};
+use reference::{Footprint, splat_to_volume};
 use vgs_tests::numerics::keep;
 use vgs_tests::rendering::{camera, look, reference_picture, render, set, settings};
 use vgs_tests::sampling::{KERNELS, field, one, sample};

@@ -1,13 +1,13 @@
 //! What splats add up to: constants, opacities from 0 to 1, places that none reaches, a million on one spot.
 
 use engine::passes::Rasterizer;
-use engine::reference::{Samples, splat_bounds, splat_to_volume};
 use engine::splat::{Activations, Field, Kernel, Splat};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use glam::{IVec3, UVec3};
 use rand::RngExt;
 use rand::seq::SliceRandom;
+use reference::{Samples, splat_bounds, splat_to_volume};
 use vgs_tests::numerics::keep;
 use vgs_tests::sampling::{KERNELS, bricks, fainter, field, one, sample, some_splats};
 use vgs_tests::scene::{EPSILON, random};

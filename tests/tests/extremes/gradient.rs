@@ -3,14 +3,14 @@
 use engine::passes::Adam;
 use engine::passes::adam::AdamState;
 use engine::passes::loss::{OCCUPANCY, Weighted};
-use engine::reference::types::LANES;
-use engine::reference::{self, Footprint, Gradient, Samples, splat_bounds, splat_to_volume};
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use glam::{DVec3, IVec3, UVec3, Vec3};
 use rand::RngExt;
 use rayon::prelude::*;
+use reference::types::LANES;
+use reference::{Footprint, Gradient, Samples, splat_bounds, splat_to_volume};
 use shaders_glsl::types::{AdamParams, History, SplatGrad, Target};
 use vgs_tests::numerics::keep;
 use vgs_tests::sampling::some_splats;

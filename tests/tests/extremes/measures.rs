@@ -3,12 +3,12 @@
 use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::{Protocol, evaluate};
 use engine::passes::loss::Weighted;
-use engine::reference::{self, Term, loss};
 use engine::splat::{Field, Kernel, Splat};
 use engine::volume::bricks::SAMPLES;
 use engine::volume::{Bricks, Roi, Volume};
 use glam::{DAffine3, IVec3, UVec3};
 use rand::RngExt;
+use reference::{Term, loss};
 use shaders_glsl::types::Target;
 use vgs_tests::numerics::keep;
 use vgs_tests::sampling::{field, one};

@@ -1,12 +1,12 @@
 //! Where the patient lies, in which unit, and how the voxels lie in the world.
 
 use engine::fit::evaluate::Sampler;
-use engine::reference::{splat_bounds, splat_to_volume};
 use engine::splat::activation::Activations;
 use engine::splat::{Kernel, Splat, SplatSet};
 use engine::volume::bricks::SAMPLES;
 use engine::volume::{BetweenSlices, Bricks};
 use glam::{DAffine3, DMat3, DVec3, IVec3, UVec3};
+use reference::{splat_bounds, splat_to_volume};
 use vgs_tests::Device;
 use vgs_tests::fitting::Case;
 use vgs_tests::numerics::keep;

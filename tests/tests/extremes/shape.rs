@@ -1,13 +1,13 @@
 //! Splats of every shape: smaller than a voxel, larger than the volume, needles, any quaternion; and where they end.
 
 use engine::fit::FitConfig;
-use engine::reference::splat_bounds;
 use engine::splat::activation::limit_anisotropy;
 use engine::splat::{Field, Kernel, ReadOptions, Splat, SplatSet, describe, write};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use glam::{DAffine3, DMat3, DVec3, IVec3, UVec3};
 use rand::RngExt;
+use reference::splat_bounds;
 use shaders_glsl::types::Target;
 use vgs_tests::fitting::Case;
 use vgs_tests::numerics::keep;
@@ -81,7 +81,7 @@ fn off(gpu: &Device, splats: &[Splat]) -> f64 {
         step::run_with(gpu, &bricks(), splats, &targets, Kernel::Gaussian, [0.0; 3], &step::terms(false));
     let mut worst = 0.0f64;
     for (s, f) in splats.iter().zip(&pass.footprints) {
-        let exact = engine::reference::Splat::from(s);
+        let exact = reference::Splat::from(s);
         // The quaternion is unit to f32 only; its matrix is a rotation to as much, on both sides alike.
         let axes = DMat3::from_quat(exact.rotation);
         for _ in 0..30 {

@@ -5,10 +5,10 @@
 //! not find with a larger one.
 
 use engine::gpu::{Gpu, Kernel};
-use engine::reference::{Footprint, Samples, pairs, scan, splat_bounds as reference};
 use engine::splat::kernel::{KERNELS, KernelRow};
 use glam::DVec3;
 use rand::RngExt;
+use reference::{Footprint, Samples, pairs, scan, splat_bounds};
 use shaders_glsl::types::{self, Grid, PairParams, RangeParams, SplatParams};
 use vgs_tests::scene::random;
 use vgs_tests::{Bound, Device, Scene, assert_close};
@@ -83,7 +83,7 @@ pub fn splat_bounds() {
         let samples = samples(&scene, &slots);
         let splats = scene.splats64();
         let stretch = DVec3::from_array(stretch.map(f64::from));
-        let footprint = |s: &_| reference::stretched_footprint(s, scene.kernel, stretch);
+        let footprint = |s: &_| splat_bounds::stretched_footprint(s, scene.kernel, stretch);
         let wanted: Vec<Footprint> = splats.iter().map(footprint).collect();
         let got64: Vec<Footprint> = got.iter().map(Into::into).collect();
         assert_close(
@@ -105,8 +105,8 @@ pub fn splat_bounds() {
         assert_close("splat_bounds: extent", Bound::new(0.0, 1e-6), extents);
         for (i, (g, w)) in got64.iter().zip(&wanted).enumerate() {
             assert_eq!((g.mean, g.intensity), (w.mean, w.intensity), "splat {i}");
-            let least = reference::brick_count(w, &samples, INSIDE);
-            let most = reference::brick_count(w, &samples, OUTSIDE);
+            let least = splat_bounds::brick_count(w, &samples, INSIDE);
+            let most = splat_bounds::brick_count(w, &samples, OUTSIDE);
             let found = counts[i] as usize;
             assert!(
                 (least..=most).contains(&found),

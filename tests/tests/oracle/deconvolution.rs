@@ -2,11 +2,11 @@
 
 use engine::passes::deconvolution::{DevicePoints, Points, ROUNDS, index_of, pair, weight_of};
 use engine::passes::{Deconvolution, Lists};
-use engine::reference::deconvolution as reference;
 use engine::render::{Look, LookBuffers};
 use engine::transfer::{Table, preset};
 use glam::DVec3;
 use rand::RngExt;
+use reference::deconvolution;
 use vgs_tests::scene::random;
 use vgs_tests::{Bound, Device, assert_close};
 
@@ -52,18 +52,18 @@ fn check(rounds: u32) {
         let mut made = Deconvolution::new(&gpu, &device).unwrap();
         let tables = (&buffers.rows, &buffers.points, &buffers.integrals);
         run(&gpu, |r| made.record(r, &device, (buffers.number, tables), rounds));
-        let lists = |lists: &Lists| -> Vec<reference::List> {
+        let lists = |lists: &Lists| -> Vec<deconvolution::List> {
             let list =
                 |i| lists.of(i).iter().map(|&pair| (index_of(pair), f64::from(weight_of(pair)))).collect();
             (0..lists.len()).map(list).collect()
         };
-        let of = reference::Points {
+        let of = deconvolution::Points {
             values: &points.values,
             of_points: &lists(&points.of_points),
             of_splats: &lists(&points.of_splats),
             shares: &points.shares,
         };
-        let wanted = reference::media(&of, &Table::new(&look.transfer, RANGE), rounds);
+        let wanted = deconvolution::media(&of, &Table::new(&look.transfer, RANGE), rounds);
         let got = made.media.read().unwrap();
         let logs = got.iter().zip(&wanted).flat_map(|(got, wanted)| {
             // What draws nothing has no logarithm.

@@ -4,8 +4,8 @@
 use engine::gpu::{Gpu, Kernel};
 use engine::passes::Views;
 use engine::passes::tiles::TILE;
-use engine::reference::hidden as reference;
 use rand::RngExt;
+use reference::hidden;
 use shaders_glsl::types::{HiddenParams, PATCH_WORDS, PATCHES, View};
 use vgs_tests::Device;
 use vgs_tests::scene::random;
@@ -69,7 +69,7 @@ pub fn hidden_parts() {
             let wanted: Vec<u32> = (0..2 * count)
                 .map(|i| {
                     let (view, tile) = ((i / count) as usize, i % count);
-                    reference::hidden_parts(&of(&words, view), [tile % tiles[0], tile / tiles[0]], size)
+                    hidden::hidden_parts(&of(&words, view), [tile % tiles[0], tile / tiles[0]], size)
                 })
                 .collect();
             assert_eq!(parts.read().unwrap(), wanted, "{size:?}");

@@ -1,4 +1,4 @@
-//! Every kernel alone against its f64 reference in `engine::reference`, on the same inputs.
+//! Every kernel alone against its f64 reference in `reference`, on the same inputs.
 //!
 //! The list below is the list of kernels: a `.comp` file without a test here fails `every_kernel_has_a_test`,
 //! by name.

@@ -2,11 +2,11 @@
 
 use engine::gpu::Kernel;
 use engine::passes::Faces;
-use engine::reference::occupancy;
 use engine::render::{Look, LookBuffers};
 use engine::transfer::{Table, preset};
 use glam::DVec3;
 use rand::RngExt;
+use reference::occupancy;
 use shaders_glsl::types::{BrickGrid, OccupancyParams, SpreadParams};
 use vgs_tests::Device;
 use vgs_tests::scene::random;

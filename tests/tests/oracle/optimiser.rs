@@ -2,10 +2,10 @@
 
 use engine::gpu::{Gpu, Kernel};
 use engine::passes::Rows;
-use engine::reference::{adam as reference, rows};
 use engine::splat::Splat;
 use rand::RngExt;
 use rand_pcg::Pcg64;
+use reference::{adam, rows};
 use shaders_glsl::types::{AdamParams, History, SplatGrad};
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
@@ -124,22 +124,22 @@ pub fn adam() {
     let (mut splats, mut moments, mut squares, mut norms) = (Vec::new(), Vec::new(), Vec::new(), Vec::new());
     let mut frozen = state.frozen;
     for (i, gradient) in gradients.iter().enumerate() {
-        let before = reference::AdamState {
+        let before = adam::AdamState {
             splat: (&state.splats[i]).into(),
             first: (&state.first[i]).into(),
             second: (&state.second[i]).into(),
             gradient_norm: f64::from(state.histories[i].gradient_norm),
             log_scale_cap: f64::from(state.histories[i].log_scale_cap),
         };
-        let Some(want) = reference::adam(&before, &gradient.into(), &params) else {
+        let Some(want) = adam::adam(&before, &gradient.into(), &params) else {
             frozen += 1;
             assert_eq!(got.splats[i], state.splats[i], "splat {i} is frozen");
             assert_eq!((got.first[i], got.second[i]), (state.first[i], state.second[i]), "and its moments");
             assert_eq!(got.histories[i], state.histories[i], "and its history");
             continue;
         };
-        let splat: engine::reference::Splat = (&got.splats[i]).into();
-        let lanes = |s: &engine::reference::Splat| {
+        let splat: reference::Splat = (&got.splats[i]).into();
+        let lanes = |s: &reference::Splat| {
             let ([mx, my, mz], [sx, sy, sz]) = (s.mean.to_array(), s.log_scale.to_array());
             [
                 mx,
@@ -157,8 +157,8 @@ pub fn adam() {
             ]
         };
         splats.extend(lanes(&splat).into_iter().zip(lanes(&want.splat)));
-        let first: engine::reference::Gradient = (&got.first[i]).into();
-        let second: engine::reference::Gradient = (&got.second[i]).into();
+        let first: reference::Gradient = (&got.first[i]).into();
+        let second: reference::Gradient = (&got.second[i]).into();
         moments.extend(first.lanes().into_iter().zip(want.first.lanes()));
         norms.push((f64::from(got.histories[i].gradient_norm), want.gradient_norm));
         assert_eq!(got.histories[i].log_scale_cap, state.histories[i].log_scale_cap);

@@ -4,15 +4,15 @@ use engine::gpu::{Drawing, Gpu};
 use engine::passes::Quads;
 use engine::passes::SplatRows;
 use engine::passes::quads::{QuadSources, QuadVariant};
-use engine::reference::eye::{Appearance, Eye};
-use engine::reference::hidden as hidden_reference;
-use engine::reference::quads as reference;
 use engine::render::{self, Camera, Look, LookBuffers, Target};
 use engine::splat::harmonics::basis_count;
 use engine::splat::{Harmonics, Splat};
 use engine::transfer::{Light, Material, preset};
 use glam::{DMat2, DVec2, DVec3, DVec4, Vec3};
 use rand::RngExt;
+use reference::eye::{Appearance, Eye};
+use reference::hidden as hidden_reference;
+use reference::quads;
 use shaders_glsl::types::{AlphaParams, Centre, Quad, QuadParams, View};
 use vgs_tests::rendering::SIDE_LIGHT;
 use vgs_tests::scene::{random, splat};
@@ -144,8 +144,8 @@ impl Stage {
     }
 
     /// The quads of all active splats by the reference implementation, with their places among these.
-    fn wanted(&self, view: usize, eye: &Eye, dark: f32) -> Vec<Option<reference::Quad>> {
-        let look = reference::Look {
+    fn wanted(&self, view: usize, eye: &Eye, dark: f32) -> Vec<Option<quads::Quad>> {
+        let look = quads::Look {
             material: &self.look.transfer.material,
             light: &self.look.light,
             dark: f64::from(dark),
@@ -154,17 +154,17 @@ impl Stage {
         let patches = hidden::lens_and_inset();
         let quad = |&i: &u32| {
             let (i, splat) = (i as usize, (&self.splats[i as usize]).into());
-            let own = |s: &engine::reference::Splat| {
+            let own = |s: &reference::Splat| {
                 let direction = (s.mean - eye.position).normalize().to_array();
-                reference::Face::Own(DVec3::from_array(self.harmonics.colour(i, direction)))
+                quads::Face::Own(DVec3::from_array(self.harmonics.colour(i, direction)))
             };
             let medium = DVec4::from_array(self.media[i].map(f64::from));
             let face = match self.kind.standard {
                 true => own(&splat),
-                false => reference::Face::Medium(medium, &self.centres[i]),
+                false => quads::Face::Medium(medium, &self.centres[i]),
             };
             let object = if self.kind.objects { appearance(i) } else { Appearance::default() };
-            reference::quad(&splat, &face, &object, eye, SIZE, &look).filter(|quad| {
+            quads::quad(&splat, &face, &object, eye, SIZE, &look).filter(|quad| {
                 let half_size = DVec2::new(quad.covariance.x_axis.x, quad.covariance.y_axis.y) * quad.edge();
                 let unseen = hidden::of(&patches, view);
                 !self.kind.hidden
@@ -304,8 +304,7 @@ pub fn project_quads() {
             keys[count..].iter().all(|&k| k == LAST) && keys[..count].iter().all(|&k| k < LAST),
             "{name}"
         );
-        let away =
-            |i: u32| reference::behind(&(&stage.splats[stage.active[i as usize] as usize]).into(), &eyes);
+        let away = |i: u32| quads::behind(&(&stage.splats[stage.active[i as usize] as usize]).into(), &eyes);
         for (pair, key) in order[..count].windows(2).zip(keys.windows(2)) {
             assert!(
                 away(pair[0]) > away(pair[1]) - 2e-3,
@@ -346,7 +345,7 @@ fn the_picture_of_alpha_is_that_of_its_reference() {
             let got = target.read_colour(v as u32).unwrap();
             for (i, pixel) in got.iter().enumerate() {
                 let place = DVec2::new((i as u32 % SIZE[0]) as f64 + 0.5, (i as u32 / SIZE[0]) as f64 + 0.5);
-                let wanted = reference::pixel(&nearest_first, place);
+                let wanted = quads::pixel(&nearest_first, place);
                 filled += usize::from(wanted.clear < 0.5);
                 colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));
                 depth_pairs.push((f64::from(depths[v * got.len() + i]), wanted.depth));

@@ -4,14 +4,14 @@ use engine::gpu::{Buffer, Format, Gpu, Image, Kernel};
 use engine::passes::Occupancy;
 use engine::passes::occupancy::FARTHEST;
 use engine::passes::voxel_gradients::{GradientSource, NOWHERE, VoxelGradients};
-use engine::reference::eye::{Appearance, Eye};
-use engine::reference::half::half_step;
-use engine::reference::raymarch as reference;
-use engine::reference::slab::Look as ReferenceLook;
 use engine::render::{self, Camera, Look, LookBuffers, Target};
 use engine::transfer::{Material, OpacityPoint, Table, TransferFunction, preset};
 use glam::{DAffine3, DMat3, DQuat, DVec3, DVec4};
 use rand::RngExt;
+use reference::eye::{Appearance, Eye};
+use reference::half::half_step;
+use reference::raymarch;
+use reference::slab::Look as ReferenceLook;
 use shaders_glsl::types::{BrickGrid, RaymarchParams, View};
 use vgs_tests::rendering::SIDE_LIGHT;
 use vgs_tests::scene::random;
@@ -228,11 +228,11 @@ impl Stage {
         self.values.iter().map(|&v| (FIRST + SPAN * f64::from(v) / 65535.0) as f32).collect()
     }
 
-    fn medium(&self, atlas: Source, shown: &[Appearance]) -> reference::Medium {
+    fn medium(&self, atlas: Source, shown: &[Appearance]) -> raymarch::Medium {
         let mask: Option<Vec<f32>> =
             self.mask.as_ref().map(|mask| mask.iter().map(|&m| (f64::from(m) / 65535.0) as f32).collect());
         let medium =
-            reference::Medium::new(self.size, self.scene_from_voxel, &self.intensities(), mask.as_deref());
+            raymarch::Medium::new(self.size, self.scene_from_voxel, &self.intensities(), mask.as_deref());
         let labels = match atlas {
             Source::Image | Source::Atlas => return medium,
             Source::Objects | Source::Functions => self.labels(),
@@ -623,7 +623,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, (cell, parts): (f32, u32), seed: u64
         }
         medium = medium.with_gradients(kept);
     }
-    let cells = reference::Cells { length: f64::from(cell), parts, slack: f64::from(slack) };
+    let cells = raymarch::Cells { length: f64::from(cell), parts, slack: f64::from(slack) };
     let depths: Vec<f32> = target.depth.read().unwrap();
     let (mut colours, mut depth_pairs, mut skips) = (Vec::new(), Vec::new(), Vec::new());
     let mut opaque = [0; 2];
@@ -634,8 +634,8 @@ fn compare(gpu: &Device, row: &RaymarchRow, (cell, parts): (f32, u32), seed: u64
         for (i, pixel) in got.iter().enumerate() {
             let at = [i as u32 % SIZE[0], i as u32 / SIZE[0]];
             let ray = eye.ray(at.map(|x| f64::from(x) + 0.5), SIZE);
-            let shift = if row.jitter { reference::noise(at, v) } else { 0.0 };
-            let wanted = reference::ray(&medium, &eye, ray, &reference_look, &cells, shift);
+            let shift = if row.jitter { raymarch::noise(at, v) } else { 0.0 };
+            let wanted = raymarch::ray(&medium, &eye, ray, &reference_look, &cells, shift);
             opaque[v as usize] += usize::from(wanted.clear < 0.9);
             colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));
             depth_pairs.push((f64::from(depths[v as usize * got.len() + i]), wanted.depth));

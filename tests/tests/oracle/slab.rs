@@ -6,16 +6,16 @@ use engine::gpu::{Gpu, Kernel};
 use engine::passes::activity::ActivitySources;
 use engine::passes::tiles::TILE;
 use engine::passes::{Activity, Ranking, SplatRows, TileBinner};
-use engine::reference::activity::limit_active as limited;
-use engine::reference::eye::{self, Eye};
-use engine::reference::hidden as hidden_reference;
-use engine::reference::slab as reference;
 use engine::render::{Appearance, Camera, Look, LookBuffers};
 use engine::splat::kernel::KERNELS;
 use engine::splat::{self, Field, Packed, Splat};
 use engine::transfer::{Light, Material, Table, preset};
 use glam::{DVec3, DVec4, Vec3};
 use rand::RngExt;
+use reference::activity::limit_active as limited;
+use reference::eye::{self, Eye};
+use reference::hidden as hidden_reference;
+use reference::slab;
 use shaders_glsl::types::{Projected, SlabParams, TileGrid, View};
 use vgs_tests::rendering::SIDE_LIGHT;
 use vgs_tests::scene::{random, splat};
@@ -97,9 +97,9 @@ impl Stage {
         self.views.iter().map(Into::into).collect()
     }
 
-    fn seen(&self, eye: &Eye) -> Vec<Option<reference::Seen>> {
+    fn seen(&self, eye: &Eye) -> Vec<Option<slab::Seen>> {
         let background = f64::from(self.field.background);
-        self.splats.iter().map(|s| reference::seen(&s.into(), eye, self.field.kernel, background)).collect()
+        self.splats.iter().map(|s| slab::seen(&s.into(), eye, self.field.kernel, background)).collect()
     }
 
     /// Parts of a tile that no eye sees.
@@ -111,11 +111,11 @@ impl Stage {
     }
 
     /// Planes as the kernels place them.
-    fn planes(&self, eye: &Eye) -> reference::Planes {
+    fn planes(&self, eye: &Eye) -> slab::Planes {
         let centre = DVec3::from_array(self.grid.centre.map(f64::from));
         let first = (eye.seen(centre).z - f64::from(self.grid.radius)).max(1.0);
         let count = self.grid.planes * self.grid.blocks;
-        reference::Planes { first, spacing: f64::from(self.grid.spacing), count }
+        slab::Planes { first, spacing: f64::from(self.grid.spacing), count }
     }
 }
 
@@ -191,7 +191,7 @@ pub fn project_splats() {
                         rng.random_range(-1.0..1.0) * seen.extent[k]
                     }));
                     let x = seen.mean + aside;
-                    if x.z > reference::NEAREST {
+                    if x.z > slab::NEAREST {
                         let wanted = (seen.whitening * (x - seen.mean)).length_squared();
                         distances.push((squared_distance(p, x / x.z, x.z), wanted));
                     }
@@ -336,7 +336,7 @@ pub fn slab() {
                     .push(&params)
                     .dispatch_3d([grid.tiles[0] * if shape == 8 { 8 } else { 4 }, grid.tiles[1], 2]);
             });
-            let reference_look = reference::Look {
+            let reference_look = slab::Look {
                 table: &table,
                 functions: &[],
                 material: &look.transfer.material,
@@ -351,8 +351,8 @@ pub fn slab() {
             let (mut colours, mut depth_pairs, mut opaque, mut unseen) = (Vec::new(), Vec::new(), 0, 0);
             for (v, eye) in stage.eyes().iter().enumerate() {
                 let got = target.read_colour(v as u32).unwrap();
-                let shown = |(i, splat): (usize, Option<reference::Seen>)| match objects {
-                    true => splat.map(|s| reference::Seen { appearance: appearance(i), ..s }),
+                let shown = |(i, splat): (usize, Option<slab::Seen>)| match objects {
+                    true => splat.map(|s| slab::Seen { appearance: appearance(i), ..s }),
                     false => splat,
                 };
                 let seen: Vec<_> = stage.seen(eye).into_iter().enumerate().filter_map(shown).collect();
@@ -366,7 +366,7 @@ pub fn slab() {
                     }
                     let ray = eye.ray([f64::from(x) + 0.5, f64::from(y) + 0.5], SIZE);
                     let wanted =
-                        reference::ray(&seen, &stage.field, eye, ray, &stage.planes(eye), &reference_look);
+                        slab::ray(&seen, &stage.field, eye, ray, &stage.planes(eye), &reference_look);
                     // Two of four objects are faint.
                     opaque += usize::from(wanted.clear < if objects { 0.8 } else { 0.5 });
                     colours.extend(pixel.iter().zip(wanted.pixel()).map(|(&g, w)| (f64::from(g), w)));

@@ -1,8 +1,8 @@
 //! The prefix sum, the radix sort and the sum of all rows, kernel by kernel. (`sorting` in the folder above tests them whole.)
 
 use engine::gpu::Kernel;
-use engine::reference::{loss, radix, scan};
 use rand::RngExt;
+use reference::{loss, radix, scan};
 use shaders_glsl::radix::DIGIT_BITS;
 use shaders_glsl::types::{RadixParams, ScanParams, SumParams};
 use vgs_tests::scene::random;

@@ -5,16 +5,16 @@ use engine::passes::loss::{
     DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MASKS, MSE, OCCUPANCY, SQUARE, TERMS, Weighted,
 };
 use engine::passes::{Storage, WorkgroupShape};
-use engine::reference::loss::Quantity;
-use engine::reference::moments_to_grad as gradient;
-use engine::reference::splat_to_volume as forward;
-use engine::reference::splat_to_volume_grad as backward;
-use engine::reference::{Adjoint, Footprint, Gradient, Reconstruction, Target, loss};
 use engine::splat;
 use engine::splat::kernel::KERNELS;
 use engine::volume::bricks::SAMPLES;
 use glam::DVec3;
 use rand::RngExt;
+use reference::loss::Quantity;
+use reference::moments_to_grad as gradient;
+use reference::splat_to_volume as forward;
+use reference::splat_to_volume_grad as backward;
+use reference::{Adjoint, Footprint, Gradient, Reconstruction, Target, loss};
 use shaders_glsl::types::{self, MomentParams, OverlapParams};
 use vgs_tests::scene::{EPSILON, random};
 use vgs_tests::storage::{STORAGES, kept, pack};
@@ -391,7 +391,7 @@ fn check_moments_to_grad(gpu: &Gpu, splat_kernel: splat::Kernel, stretch: [f32; 
         // Sums of products that may cancel: measured against the products themselves.
         let steepest = (-2.0 * splat.log_scale.min_element()).exp() / stretch64.min_element().powi(2);
         let ratio = (splat.log_scale.max_element() - splat.log_scale.min_element()).exp();
-        let amplitude = engine::reference::splat_bounds::amplitude(&splat, splat_kernel);
+        let amplitude = reference::splat_bounds::amplitude(&splat, splat_kernel);
         for lane in 0..11 {
             let size = amplitude
                 * match lane {

@@ -28,8 +28,8 @@ pub const FOUND: &[Row] = &[
         input: "one splat at 1e11 mm took gigabytes, at 1e13 a panic",
         must: "cells are bounded",
         tests: &[
-            t("engine/src/render/extents.rs", "one_splat_far_away_changes_nothing_for_the_others", &[]),
-            t("engine/src/render/extents.rs", "cells_are_bounded_whatever_the_splats_are", &[]),
+            t("engine/render/src/extents.rs", "one_splat_far_away_changes_nothing_for_the_others", &[]),
+            t("engine/render/src/extents.rs", "cells_are_bounded_whatever_the_splats_are", &[]),
         ],
         verdict: Holds,
     },
@@ -38,7 +38,7 @@ pub const FOUND: &[Row] = &[
         input: "2 MB of an InVesalius project became 2.6 GB",
         must: "names are bounded before they are read",
         tests: &[t(
-            "engine/src/volume/inv3.rs",
+            "engine/volume/src/inv3.rs",
             "names_that_come_before_their_members_are_read_and_bounded",
             &[],
         )],
@@ -49,7 +49,7 @@ pub const FOUND: &[Row] = &[
         input: "a transfer function of 0.7 MB took 15 s",
         must: "time grows with the length",
         tests: &[t(
-            "engine/src/transfer/file/slicer_xml.rs",
+            "engine/transfer/src/file/slicer_xml.rs",
             "an_attribute_is_there_once_and_very_many_of_them_are_no_trouble",
             &[],
         )],
@@ -70,7 +70,7 @@ pub const FOUND: &[Row] = &[
         input: "no memory ended by a signal",
         must: "71",
         tests: &[
-            t("engine/src/memory.rs", "what_is_too_much_is_refused_before_it_is_taken", &[]),
+            t("engine/base/src/memory.rs", "what_is_too_much_is_refused_before_it_is_taken", &[]),
             t("tools/cli/tests/host_memory.rs", "without_memory_it_ends_with_its_exit_code", &[]),
         ],
         verdict: Partly("the program; lavapipe itself dies where it gets no memory"),
@@ -98,7 +98,7 @@ pub const FOUND: &[Row] = &[
         input: "`--time-budget` was passed without a word",
         must: "the first splats are placed within it; what cannot be kept is told",
         tests: &[
-            t("engine/src/fit/init/tests/mod.rs", "after_the_deadline_splats_are_placed_at_random", &[]),
+            t("engine/fit/src/init/tests/mod.rs", "after_the_deadline_splats_are_placed_at_random", &[]),
             t(WHOLE, "a_time_budget_is_kept", &[]),
             t(WHOLE, "a_time_budget_that_cannot_be_kept_is_told", &[]),
         ],
@@ -109,7 +109,7 @@ pub const FOUND: &[Row] = &[
         input: "`--device 7` matched a version",
         must: "a number is a number",
         tests: &[t(
-            "engine/src/gpu/choice.rs",
+            "engine/gpu/src/choice.rs",
             "the_fastest_usable_device_is_chosen_unless_the_user_says_otherwise",
             &["7"],
         )],
@@ -120,7 +120,7 @@ pub const FOUND: &[Row] = &[
         input: "a volume one voxel wide had a mean of ∞ dB",
         must: "offsets without a sample do not count",
         tests: &[t(
-            "engine/src/fit/evaluate.rs",
+            "engine/fit/src/evaluate.rs",
             "an_offset_without_a_sample_in_the_region_is_no_perfect_one",
             &[],
         )],
@@ -138,8 +138,8 @@ pub const FOUND: &[Row] = &[
         input: "unsorted points of a transfer function were taken",
         must: "65; a map from 0 to 1 is stretched, with a warning",
         tests: &[
-            t("engine/src/transfer/file/tests.rs", "what_is_wrong_is_told", &[]),
-            t("engine/src/transfer/file/tests.rs", "paraview_colour_maps", &[]),
+            t("engine/transfer/src/file/tests.rs", "what_is_wrong_is_told", &[]),
+            t("engine/transfer/src/file/tests.rs", "paraview_colour_maps", &[]),
         ],
         verdict: Holds,
     },
@@ -148,9 +148,9 @@ pub const FOUND: &[Row] = &[
         input: "comparing two small files of 16384² pixels took 4.9 GB",
         must: "what is needed is asked for first; measures work by bands",
         tests: &[
-            t("engine/src/image/measure.rs", "ssim_is_what_its_definition_says", &[]),
-            t("engine/src/image/flip.rs", "bands_are_as_good_as_the_whole", &[]),
-            t("engine/src/image/image.rs", "sizes_are_checked", &[]),
+            t("engine/image/src/measure.rs", "ssim_is_what_its_definition_says", &[]),
+            t("engine/image/src/flip.rs", "bands_are_as_good_as_the_whole", &[]),
+            t("engine/image/src/image.rs", "sizes_are_checked", &[]),
         ],
         verdict: Holds,
     },
@@ -173,7 +173,7 @@ pub const FOUND: &[Row] = &[
         tests: &[
             t(PLY, "a_compressed_ply_of_supersplat_is_told_by_its_name", &[]),
             t(
-                "engine/src/splat/file.rs",
+                "engine/splat/src/file.rs",
                 "a_file_is_known_by_its_content_and_written_by_its_extension",
                 &["a.sog"],
             ),
@@ -193,12 +193,12 @@ pub const FOUND: &[Row] = &[
         must: "read with a warning, or refused with the element",
         tests: &[
             t(
-                "engine/src/volume/dicom/tests/values.rs",
+                "engine/volume/src/dicom/tests/values.rs",
                 "an_intercept_is_read_or_refused_by_name_however_it_is_written",
                 &[],
             ),
             t(
-                "engine/src/volume/dicom/tests/elements.rs",
+                "engine/volume/src/dicom/tests/elements.rs",
                 "what_cannot_be_read_is_an_error_and_no_default",
                 &[],
             ),
@@ -210,7 +210,7 @@ pub const FOUND: &[Row] = &[
         input: "a Modality LUT was ignored",
         must: "applied, or refused by name",
         tests: &[t(
-            "engine/src/volume/dicom/tests/values.rs",
+            "engine/volume/src/dicom/tests/values.rs",
             "a_table_takes_the_place_of_slope_and_intercept",
             &[],
         )],
@@ -220,14 +220,14 @@ pub const FOUND: &[Row] = &[
         number: 20,
         input: "elements of representation UN were taken for numbers",
         must: "by the dictionary",
-        tests: &[t("engine/src/volume/dicom/tests/elements.rs", "elements_are_taken_by_the_dictionary", &[])],
+        tests: &[t("engine/volume/src/dicom/tests/elements.rs", "elements_are_taken_by_the_dictionary", &[])],
         verdict: Holds,
     },
     Row {
         number: 21,
         input: "of two structures of one name, or that differ in case only, the other one was taken",
         must: "the exact name first; of equals all",
-        tests: &[t("engine/src/volume/dicom/tests/structures.rs", "structures_of_one_name", &[])],
+        tests: &[t("engine/volume/src/dicom/tests/structures.rs", "structures_of_one_name", &[])],
         verdict: Holds,
     },
     Row {
@@ -235,7 +235,7 @@ pub const FOUND: &[Row] = &[
         input: "contours that overlap were a hole, XOR was an open line",
         must: "a union; a ring",
         tests: &[t(
-            "engine/src/volume/dicom/tests/structures.rs",
+            "engine/volume/src/dicom/tests/structures.rs",
             "contours_are_a_union_less_the_holes_and_by_parity_if_they_say_so",
             &[],
         )],
@@ -246,7 +246,7 @@ pub const FOUND: &[Row] = &[
         input: "frames of a segmentation that lie apart were as thick as the gap",
         must: "the planes of the scan",
         tests: &[t(
-            "engine/src/volume/dicom/tests/structures.rs",
+            "engine/volume/src/dicom/tests/structures.rs",
             "segments_far_apart_lie_on_the_planes_of_the_scan",
             &[],
         )],
@@ -257,8 +257,8 @@ pub const FOUND: &[Row] = &[
         input: "a slice scanned twice, or phases, were as many series as slices",
         must: "one series with a note; a series a phase",
         tests: &[
-            t("engine/src/volume/dicom/tests/phases.rs", "a_slice_that_was_scanned_twice_is_one", &[]),
-            t("engine/src/volume/dicom/tests/phases.rs", "a_phase_is_a_series", &[]),
+            t("engine/volume/src/dicom/tests/phases.rs", "a_slice_that_was_scanned_twice_is_one", &[]),
+            t("engine/volume/src/dicom/tests/phases.rs", "a_phase_is_a_series", &[]),
         ],
         verdict: Holds,
     },
@@ -267,7 +267,7 @@ pub const FOUND: &[Row] = &[
         input: "a mosaic was one flat slice",
         must: "refused by name",
         tests: &[t(
-            "engine/src/volume/dicom/tests/values.rs",
+            "engine/volume/src/dicom/tests/values.rs",
             "what_the_standard_does_not_allow_is_refused_by_name",
             &[],
         )],
@@ -278,7 +278,7 @@ pub const FOUND: &[Row] = &[
         input: "ParaView's hues went the other way round",
         must: "along the hue",
         tests: &[t(
-            "engine/src/transfer/file/tests.rs",
+            "engine/transfer/src/file/tests.rs",
             "hues_go_along_the_numbers_unless_the_map_wraps_them",
             &[],
         )],
@@ -289,7 +289,7 @@ pub const FOUND: &[Row] = &[
         input: "a pipe without a writer was waited for",
         must: "65 at once",
         tests: &[
-            t("engine/src/input.rs", "pipes_sockets_and_devices_are_refused_at_once", &[]),
+            t("engine/base/src/input.rs", "pipes_sockets_and_devices_are_refused_at_once", &[]),
             t("tools/cli/tests/surroundings.rs", "a_pipe_as_input_is_refused_at_once", &[]),
         ],
         verdict: Holds,
@@ -299,14 +299,14 @@ pub const FOUND: &[Row] = &[
         input: "a slice a little off its place refused a series; half a concatenation was a volume; slices without a scale were read raw",
         must: "taken with a note; refused by name",
         tests: &[
-            t("engine/src/volume/dicom/tests/values.rs", "a_slice_a_little_off_its_place_is_taken", &[]),
-            t("engine/src/volume/dicom/tests/values.rs", "half_a_concatenation_is_no_volume", &[]),
+            t("engine/volume/src/dicom/tests/values.rs", "a_slice_a_little_off_its_place_is_taken", &[]),
+            t("engine/volume/src/dicom/tests/values.rs", "half_a_concatenation_is_no_volume", &[]),
             t(
-                "engine/src/volume/dicom/tests/values.rs",
+                "engine/volume/src/dicom/tests/values.rs",
                 "slices_with_and_without_a_scale_are_no_volume",
                 &[],
             ),
-            t("engine/src/volume/dicom/tests/values.rs", "the_beginning_of_a_file_may_be_missing", &[]),
+            t("engine/volume/src/dicom/tests/values.rs", "the_beginning_of_a_file_may_be_missing", &[]),
         ],
         verdict: Holds,
     },
@@ -315,7 +315,7 @@ pub const FOUND: &[Row] = &[
         input: "a CT without air had no HU",
         must: "recognised, or asked about",
         tests: &[
-            t("engine/src/volume/kind_of_scan.rs", "values_tell_a_ct_also_without_air", &[]),
+            t("engine/volume/src/kind_of_scan.rs", "values_tell_a_ct_also_without_air", &[]),
             t("tools/cli/tests/whole.rs", "a_ct_without_air_is_told_or_asked_about", &[]),
         ],
         verdict: Holds,
@@ -325,8 +325,8 @@ pub const FOUND: &[Row] = &[
         input: "an opaque splat of 8 bits was dropped; one far from all others made the picture black",
         must: "opaque; framed without it, and told",
         tests: &[
-            t("engine/src/splat/ply/tests/unusual.rs", "an_opaque_splat_of_8_bits_is_opaque", &[]),
-            t("engine/src/splat/far.rs", "one_of_thirty_is_far_and_the_ends_of_a_leg_are_not", &[]),
+            t("engine/splat/src/ply/tests/unusual.rs", "an_opaque_splat_of_8_bits_is_opaque", &[]),
+            t("engine/splat/src/far.rs", "one_of_thirty_is_far_and_the_ends_of_a_leg_are_not", &[]),
         ],
         verdict: Holds,
     },

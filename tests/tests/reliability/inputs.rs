@@ -205,7 +205,7 @@ pub const INPUTS: &[Row] = &[
         must: "works",
         tests: &[
             t(FIT, "small_regions_and_thin_volumes", &[]),
-            t("engine/src/volume/tests.rs", "one_voxel_is_a_volume", &[]),
+            t("engine/volume/src/tests.rs", "one_voxel_is_a_volume", &[]),
         ],
         verdict: Holds,
     },
@@ -340,7 +340,7 @@ pub const INPUTS: &[Row] = &[
         number: 38,
         input: "splats of NaN, ∞, no rotation, absurd scales",
         must: "dropped and counted; refused where the reader is strict",
-        tests: &[t("engine/src/splat/ply/tests/unusual.rs", "unusable_splats_are_dropped_and_counted", &[])],
+        tests: &[t("engine/splat/src/ply/tests/unusual.rs", "unusable_splats_are_dropped_and_counted", &[])],
         verdict: Holds,
     },
     Row {
@@ -350,7 +350,7 @@ pub const INPUTS: &[Row] = &[
         tests: &[
             t(PLY, "no_splats_can_be_read_but_not_written", &[]),
             t(
-                "engine/src/splat/file.rs",
+                "engine/splat/src/file.rs",
                 "a_file_is_known_by_its_content_and_written_by_its_extension",
                 &["none.ply"],
             ),
@@ -363,7 +363,7 @@ pub const INPUTS: &[Row] = &[
         must: "71 or 75 with bytes needed and there, before they are taken",
         tests: &[
             t("tests/tests/memory.rs", "large_objects_take_no_more_than_is_free", &[]),
-            t("engine/src/memory.rs", "what_is_too_much_is_refused_before_it_is_taken", &[]),
+            t("engine/base/src/memory.rs", "what_is_too_much_is_refused_before_it_is_taken", &[]),
             t("xr-app/tests/program.rs", "a_memory_budget_is_kept_to_or_refused", &[]),
         ],
         verdict: Partly("of the checks; no file of 50 million splats is read in a test"),
@@ -393,10 +393,10 @@ pub const INPUTS: &[Row] = &[
         input: "transfer functions unsorted, doubled, NaN, out of range, of one point or a million",
         must: "65 with the place; a doubled intensity is a step",
         tests: &[
-            t("engine/src/transfer/file/tests.rs", "what_is_wrong_is_told", &[]),
-            t("engine/src/transfer/function.rs", "what_makes_no_function_is_refused", &[]),
+            t("engine/transfer/src/file/tests.rs", "what_is_wrong_is_told", &[]),
+            t("engine/transfer/src/function.rs", "what_makes_no_function_is_refused", &[]),
             t(
-                "engine/src/transfer/function.rs",
+                "engine/transfer/src/function.rs",
                 "of_several_points_at_one_intensity_the_last_holds_to_the_right",
                 &[],
             ),
@@ -424,7 +424,7 @@ pub const INPUTS: &[Row] = &[
         tests: &[
             t(SURROUNDINGS, "without_a_device_it_says_so", &[]),
             t(
-                "engine/src/gpu/choice.rs",
+                "engine/gpu/src/choice.rs",
                 "the_fastest_usable_device_is_chosen_unless_the_user_says_otherwise",
                 &[],
             ),
@@ -454,7 +454,7 @@ pub const INPUTS: &[Row] = &[
         input: "the host has no memory",
         must: "71",
         tests: &[
-            t("engine/src/memory.rs", "what_is_too_much_is_refused_before_it_is_taken", &[]),
+            t("engine/base/src/memory.rs", "what_is_too_much_is_refused_before_it_is_taken", &[]),
             t("tests/tests/nth_failure.rs", "host_memory_runs_out", &[]),
             t("tools/cli/tests/host_memory.rs", "without_memory_it_ends_with_its_exit_code", &[]),
         ],
@@ -561,7 +561,7 @@ pub const INPUTS: &[Row] = &[
         must: "found out, the one before is taken, with a warning",
         tests: &[
             t(INTERRUPTIONS, "a_damaged_state_has_one_before_it", &[]),
-            t("engine/src/fit/state.rs", "a_state_comes_back_and_a_damaged_one_does_not", &[]),
+            t("engine/fit/src/state.rs", "a_state_comes_back_and_a_damaged_one_does_not", &[]),
         ],
         verdict: Holds,
     },
@@ -588,8 +588,8 @@ pub const INPUTS: &[Row] = &[
         must: "goes on, the validation layers are silent",
         tests: &[
             t("tools/cli/tests/view/mod.rs", "a_window_of_other_sizes_and_scales", &[]),
-            t("engine/src/gpu/surface.rs", "the_surface_dictates_the_size_or_the_window_does", &[]),
-            t("engine/src/gpu/surface.rs", "plain_formats_are_preferred", &[]),
+            t("engine/gpu/src/surface.rs", "the_surface_dictates_the_size_or_the_window_does", &[]),
+            t("engine/gpu/src/surface.rs", "plain_formats_are_preferred", &[]),
         ],
         verdict: Holds,
     },
@@ -632,7 +632,7 @@ pub const INPUTS: &[Row] = &[
         input: "a fit that diverges",
         must: "told as such, with the last good splats",
         tests: &[
-            t("engine/src/fit/run.rs", "a_state_that_is_no_fit_any_more_is_refused", &[]),
+            t("engine/fit/src/run.rs", "a_state_that_is_no_fit_any_more_is_refused", &[]),
             t(FIT, "a_splat_that_is_not_a_number_is_contained", &[]),
         ],
         verdict: Partly("it ends with the splats before; a step is not repeated with smaller rates"),

@@ -1,6 +1,6 @@
-//! The table of docs/results/reliability.md is that of `inputs`. Each row there and in `found`, the faults of files that readers
-//! once took, names the tests that show it, and they are there.
-//! `VGS_WRITE_RELIABILITY=1` writes them anew.
+//! docs/results/data/reliability.csv has the rows of `inputs`, and docs/results/reliability.md those that do not hold. Each row
+//! there and in `found`, the faults of files that readers once took, names the tests that show it, and they are there.
+//! `VGS_WRITE_RELIABILITY=1` writes both anew.
 
 mod found;
 mod inputs;
@@ -57,17 +57,35 @@ fn page() -> PathBuf {
     root().join("docs/results/reliability.md")
 }
 
-/// Returns a table of rows.
-fn table(rows: &[Row]) -> String {
-    let mut out = "| | what | must be | verdict |\n|---|---|---|---|\n".to_owned();
-    for row in rows {
-        let verdict = match row.verdict {
+fn data() -> PathBuf {
+    root().join("docs/results/data/reliability.csv")
+}
+
+impl Row {
+    fn verdict(&self) -> String {
+        match self.verdict {
             Verdict::Holds => "holds".to_owned(),
             Verdict::Partly(what) => format!("partly: {what}"),
-            Verdict::Untested(why) => format!("**not tested**: {why}"),
-        };
+            Verdict::Untested(why) => format!("not tested: {why}"),
+        }
+    }
+}
+
+/// Returns all rows as a table of comma-separated values.
+fn csv(rows: &[Row]) -> String {
+    let cell = |text: &str| if text.contains([',', '"']) { format!("\"{text}\"") } else { text.to_owned() };
+    let lines = rows.iter().map(|row| {
+        format!("{},{},{},{}\n", row.number, cell(row.input), cell(row.must), cell(&row.verdict()))
+    });
+    "number,what,must_be,verdict\n".to_owned() + &lines.collect::<String>()
+}
+
+/// Returns a table of the rows that do not hold, or not all of them.
+fn table(rows: &[Row]) -> String {
+    let mut out = "| | what | must be | verdict |\n|---|---|---|---|\n".to_owned();
+    for row in rows.iter().filter(|row| !matches!(row.verdict, Verdict::Holds)) {
         // Writing to a string cannot fail.
-        let _ = writeln!(out, "| {} | {} | {} | {verdict} |", row.number, row.input, row.must);
+        let _ = writeln!(out, "| {} | {} | {} | {} |", row.number, row.input, row.must, row.verdict());
     }
     out
 }
@@ -103,8 +121,11 @@ fn the_page_is_what_the_rows_say() {
     let new = written(&old);
     if std::env::var_os("VGS_WRITE_RELIABILITY").is_some_and(|v| v == "1") {
         std::fs::write(page(), new).expect("writing docs/results/reliability.md");
+        std::fs::write(data(), csv(INPUTS)).expect("writing the rows");
         return;
     }
+    let rows = std::fs::read_to_string(data()).expect("docs/results/data/reliability.csv");
+    assert_eq!(rows, csv(INPUTS), "VGS_WRITE_RELIABILITY=1 writes it anew");
     let first = new.lines().zip(old.lines()).find(|(new, old)| new != old);
     assert!(
         new == old,

@@ -2,18 +2,18 @@
 
 use super::{Test, t};
 
-pub const NIFTI: &str = "engine/src/volume/nifti/tests.rs";
-pub const ROI: &str = "engine/src/volume/roi.rs";
-pub const PLY: &str = "engine/src/splat/ply/tests/mod.rs";
+pub const NIFTI: &str = "engine/volume/src/nifti/tests.rs";
+pub const ROI: &str = "engine/volume/src/roi.rs";
+pub const PLY: &str = "engine/splat/src/ply/tests/mod.rs";
 pub const FIT: &str = "tests/tests/fit.rs";
 pub const REFUSALS: &str = "tools/cli/tests/refusals.rs";
 pub const WHOLE: &str = "tools/cli/tests/whole.rs";
 pub const INTERRUPTIONS: &str = "tools/cli/tests/interruptions.rs";
 pub const SURROUNDINGS: &str = "tools/cli/tests/surroundings.rs";
-pub const OUTPUT: &str = "engine/src/output.rs";
-pub const DICOM: &str = "engine/src/volume/dicom/tests/mod.rs";
-pub const FUZZ: &str = "tools/fuzz/tests/readers.rs";
-pub const MEMORY: &str = "tools/fuzz/tests/memory.rs";
+pub const OUTPUT: &str = "engine/base/src/output.rs";
+pub const DICOM: &str = "engine/volume/src/dicom/tests/mod.rs";
+pub const FUZZ: &str = "tools/research/fuzz/tests/readers.rs";
+pub const MEMORY: &str = "tools/research/fuzz/tests/memory.rs";
 
 /// A row of [`REFUSALS`], or several.
 pub const fn refused(cases: &'static [&'static str]) -> Test {

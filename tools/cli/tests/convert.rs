@@ -4,7 +4,7 @@
 use crate::support::{Folder, fit};
 use engine::splat::{self, Form, ReadOptions, Splat, SplatSet};
 use glam::DVec3;
-use view::state::{Object, Plane, ViewState};
+use view::model::state::{Object, Plane, ViewState};
 
 /// Returns a PLY of ours as splat-transform writes it: without comments and without a second element.
 fn without_comments(file: &[u8]) -> Vec<u8> {

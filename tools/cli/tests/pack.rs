@@ -6,8 +6,8 @@ use crate::support::Folder;
 use crate::support::series::write_two_series;
 use engine::transfer::PRESETS;
 use engine::volume::{ReadOptions, Volume, nifti};
-use view::loader::read_volume;
-use view::state::{Files, ViewState};
+use view::io::loader::read_volume;
+use view::model::state::{Files, ViewState};
 
 /// Returns a folder with two series, a mask, and the session `s.toml` of the second series by its number.
 fn folder() -> (Folder, Volume) {

@@ -12,10 +12,10 @@ use winit::event::{StartCause, WindowEvent};
 use winit::event_loop::{ActiveEventLoop, ControlFlow, EventLoop};
 use winit::window::{Window, WindowId};
 
-use crate::canvas::Canvas;
-use crate::loader::Loader;
-use crate::report::WindowReport;
-use crate::theme;
+use crate::io::loader::Loader;
+use crate::io::report::WindowReport;
+use crate::panels::theme;
+use crate::screen::canvas::Canvas;
 use crate::viewer::{ActiveWindow, Between, Start, Viewer, is_lost};
 
 /// Size of a new window on a screen that has room for it, points of the screen.
@@ -129,7 +129,7 @@ fn use_system_dialog(viewer: &mut Viewer, window: &Window) {
     let wake = viewer.waker();
     viewer.use_system_dialog(Box::new(move |question| {
         let wake = Arc::clone(&wake);
-        crate::portal::ask(question, parent.clone(), move || wake())
+        crate::io::portal::ask(question, parent.clone(), move || wake())
     }));
 }
 

@@ -10,9 +10,9 @@ use engine::fit::{FitConfig, FitForm, Problem, with_part_of_mask};
 use engine::render::{Intensities, Look, ObjectChange, UsualLook};
 use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind, transfer};
-use view::loaded_splats::LoadedSplats;
-use view::saving::{self, Ready};
-use view::state::{ViewState, is_session};
+use view::io::loaded_splats::LoadedSplats;
+use view::io::saving::{self, Ready};
+use view::model::state::{ViewState, is_session};
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;

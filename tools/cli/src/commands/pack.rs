@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::Args;
 use serde::Serialize;
-use view::pack::{Contents, pack};
-use view::state::ViewState;
+use view::io::pack::{Contents, pack};
+use view::model::state::ViewState;
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;

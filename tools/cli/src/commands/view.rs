@@ -6,10 +6,10 @@ use std::time::Instant;
 use clap::Args;
 use engine::render::ObjectChange;
 use engine::{Error, Kind, Result, transfer};
-use view::region::Region;
-use view::settings::Settings;
-use view::sorting;
-use view::state::{Files, ViewState};
+use view::io::sorting;
+use view::model::region::Region;
+use view::model::settings::Settings;
+use view::model::state::{Files, ViewState};
 use view::viewer::Start;
 use view::window;
 
@@ -110,7 +110,7 @@ impl ViewArguments {
             )?),
         };
         if let (true, Some(tf)) = (is_session, &self.tf) {
-            state.transfer = view::transfer::Transfer::new(&transfer::load(tf, [-1000.0, 3000.0])?);
+            state.transfer = view::model::transfer::Transfer::new(&transfer::load(tf, [-1000.0, 3000.0])?);
         }
         if !is_session {
             state.files = std::mem::take(&mut sorted.files);

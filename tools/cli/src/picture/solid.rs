@@ -1,11 +1,11 @@
 //! Draws the shaded views: the CT in its region and the splats, from the same place with the same transfer
 //! function.
 
-use engine::reference::eye::Eye;
-use engine::reference::raymarch::{Cells, Medium, render};
-use engine::reference::slab::Look;
 use engine::transfer::{ColourPoint, Light, MAX_INTENSITY, Material, OpacityPoint, Table, TransferFunction};
 use glam::{DAffine3, DMat3, DVec2, DVec3};
+use reference::eye::Eye;
+use reference::raymarch::{Cells, Medium, render};
+use reference::slab::Look;
 
 use super::canvas::{Canvas, Colour};
 use super::subject::Subject;

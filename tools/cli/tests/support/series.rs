@@ -1,6 +1,6 @@
 //! A volume as a folder of DICOM slices.
 
-#[path = "../../../../engine/src/volume/dicom/tests/writer.rs"]
+#[path = "../../../../engine/volume/src/dicom/tests/writer.rs"]
 mod writer;
 
 use engine::volume::Volume;

@@ -14,22 +14,22 @@ use glam::DVec3;
 
 use super::drag::Drag;
 use super::held_keys::HeldKeys;
-use crate::actions::{Action, pressed};
-use crate::editor::Editor;
-use crate::history::History;
-use crate::panel_info::{Measured, PanelInfo};
+use crate::model::actions::{Action, pressed};
+use crate::model::history::History;
+use crate::model::panel_info::{Measured, PanelInfo};
+use crate::model::series::Series;
+use crate::model::settings::Settings;
+use crate::model::state::{Bookmark, Edited, Files, Object, Subject, ViewState, is_session};
+use crate::model::system_dialog::SystemDialog;
+use crate::model::transfer::Transfer;
+use crate::panels::editor::Editor;
 use crate::panels::messages::{Message, Messages};
 use crate::panels::missing::{self, Missing};
 use crate::panels::notice::{Leaving, Loss};
+use crate::panels::prompt::{Asked, Prompt, Purpose};
 use crate::panels::series::{Choice, SeriesPictures};
 use crate::panels::status::Reading;
 use crate::panels::{self, fit::FitForm, menu::Menus, slices::SliceImages};
-use crate::prompt::{Asked, Prompt, Purpose};
-use crate::series::Series;
-use crate::settings::Settings;
-use crate::state::{Bookmark, Edited, Files, Object, Subject, ViewState, is_session};
-use crate::system_dialog::SystemDialog;
-use crate::transfer::Transfer;
 
 /// Least and greatest width of the panels at the side, points of the screen.
 const PANEL: [f32; 2] = [384.0, 640.0];

@@ -3,9 +3,9 @@
 use egui::{Context, Key, Modifiers};
 
 use super::app::App;
-use crate::actions::Action;
-use crate::prompt::{Answer, Asked, Prompt, Purpose};
-use crate::system_dialog::Reply;
+use crate::model::actions::Action;
+use crate::model::system_dialog::Reply;
+use crate::panels::prompt::{Answer, Asked, Prompt, Purpose};
 
 impl App {
     /// Asks for a file.

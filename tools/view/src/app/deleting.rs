@@ -3,10 +3,10 @@
 use std::path::Path;
 
 use super::app::App;
-use crate::deletions::{Bounds, Deletion};
-use crate::panel_info::PanelInfo;
+use crate::model::deletions::{Bounds, Deletion};
+use crate::model::panel_info::PanelInfo;
+use crate::model::state::Files;
 use crate::panels::messages::Message;
-use crate::state::Files;
 
 impl App {
     /// Deletes the splats inside or outside of the crop box. The box then goes off: it has done its work.

@@ -2,7 +2,7 @@
 
 use egui::Pos2;
 
-use crate::handles::Handle;
+use crate::panels::handles::Handle;
 
 /// Target that the mouse can drag in the picture, apart from the camera.
 #[derive(Clone, Copy, Debug, PartialEq)]

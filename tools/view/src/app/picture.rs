@@ -5,14 +5,14 @@ use glam::DVec2;
 
 use super::app::App;
 use super::drag::{Drag, Target};
-use crate::actions::Action;
-use crate::annotations::{self, Ink, PictureOverlay, Told};
-use crate::cube;
-use crate::handles;
-use crate::panel_info::PanelInfo;
+use crate::model::actions::Action;
+use crate::model::cube;
+use crate::model::panel_info::PanelInfo;
+use crate::model::state::{Distance, Subject, ViewState};
+use crate::panels::annotations::{self, Ink, PictureOverlay, Told};
+use crate::panels::handles;
+use crate::panels::theme::SIGNAL;
 use crate::panels::{self, status::Reading};
-use crate::state::{Distance, Subject, ViewState};
-use crate::theme::SIGNAL;
 
 /// Length of a drag that turns by a degree, points of the screen.
 const POINTS_PER_DEGREE: f64 = 3.0;

@@ -4,9 +4,9 @@ use egui::{DragValue, Slider, TextEdit, Ui};
 use glam::DVec3;
 
 use super::widgets::{ask, colour_button, row};
-use crate::actions::Action;
-use crate::orbit::{FOV_RANGE, Side};
-use crate::state::{Bookmark, ViewState};
+use crate::model::actions::Action;
+use crate::model::orbit::{FOV_RANGE, Side};
+use crate::model::state::{Bookmark, ViewState};
 
 /// Greatest number of bookmarks; a list of more would not be looked through.
 const MOST_BOOKMARKS: usize = 50;

@@ -5,9 +5,9 @@ use egui::{DragValue, Ui};
 use glam::DVec3;
 
 use super::widgets::{ask, row};
-use crate::actions::Action;
-use crate::panel_info::PanelInfo;
-use crate::state::{CropBox, MOST_PLANES, Plane, ViewState};
+use crate::model::actions::Action;
+use crate::model::panel_info::PanelInfo;
+use crate::model::state::{CropBox, MOST_PLANES, Plane, ViewState};
 
 /// Shows the clip planes and the crop box and changes them.
 pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &mut Vec<Action>) {

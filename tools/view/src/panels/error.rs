@@ -4,9 +4,9 @@ use egui::{DragValue, Pos2, Rect, Sense, Stroke, Ui, vec2};
 use engine::fidelity::{ShownError, diverging};
 
 use super::widgets::row;
-use crate::panel_info::{Measured, PanelInfo};
-use crate::state::ViewState;
-use crate::theme::{SIGNAL, screen};
+use crate::model::panel_info::{Measured, PanelInfo};
+use crate::model::state::ViewState;
+use crate::panels::theme::{SIGNAL, screen};
 
 /// Height of the bar of colours, points of the screen.
 const BAR: f32 = 12.0;

@@ -7,13 +7,13 @@ use engine::fit::{PROFILES, QUALITIES};
 
 use super::slices::Shade;
 use super::widgets::{ask, row};
-use crate::actions::Action;
-use crate::figures::{bytes, seconds};
-use crate::fit_plan::{FitStatus, Stage, config, ply_bytes, usual_profile};
-use crate::panel_info::PanelInfo;
-use crate::region::{Region, Threshold};
-use crate::state::Files;
-use crate::theme::SIGNAL;
+use crate::model::actions::Action;
+use crate::model::figures::{bytes, seconds};
+use crate::model::fit_plan::{FitStatus, Stage, config, ply_bytes, usual_profile};
+use crate::model::panel_info::PanelInfo;
+use crate::model::region::{Region, Threshold};
+use crate::model::state::Files;
+use crate::panels::theme::SIGNAL;
 
 /// Greatest radius of the ball that closes gaps, mm: that of [`engine::volume::Cleaning`].
 const MAX_CLOSE_MM: f64 = 50.0;

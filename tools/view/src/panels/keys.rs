@@ -2,7 +2,7 @@
 
 use egui::{Context, Grid, KeyboardShortcut, Window};
 
-use crate::actions::KEYS;
+use crate::model::actions::KEYS;
 
 /// Mouse actions in the picture.
 const MOUSE: [(&str, &str); 8] = [

@@ -5,8 +5,8 @@ use engine::transfer::{FixedTo, Light, MOST_FILL};
 use glam::DVec3;
 
 use super::widgets::row;
-use crate::state::ViewState;
-use crate::theme::SIGNAL;
+use crate::model::state::ViewState;
+use crate::panels::theme::SIGNAL;
 
 /// Edge of the ball that shows the light, points of the screen.
 const BALL: f32 = 84.0;

@@ -3,8 +3,8 @@
 use egui::Ui;
 
 use super::widgets::explained;
-use crate::actions::Action;
-use crate::state::ViewState;
+use crate::model::actions::Action;
+use crate::model::state::ViewState;
 
 /// Shows the distances; `measuring` is true while the tool is used.
 pub fn show(ui: &mut Ui, state: &mut ViewState, measuring: bool, actions: &mut Vec<Action>) {

@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use egui::{Button, MenuBar, Ui};
 
 use super::widgets::explained;
-use crate::actions::{Action, binding};
-use crate::orbit::Side;
+use crate::model::actions::{Action, binding};
+use crate::model::orbit::Side;
 
 /// State that the menus show.
 pub struct Menus<'a> {

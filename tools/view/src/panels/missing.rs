@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use egui::{Context, Id, Modal, ScrollArea};
 
 use super::widgets::escaped;
-use crate::state::ViewState;
+use crate::model::state::ViewState;
 
 /// Session that is opened once its missing files are found or left out.
 #[derive(Clone, Debug)]

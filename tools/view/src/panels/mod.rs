@@ -11,13 +11,20 @@
 //! | `slices` | the slices beside the picture |
 //! | `welcome`, `notice`, `messages`, `keys`, `overlay` | over the picture: nothing open, a question, messages, keys, frame times |
 //! | `series` | which of several series is meant |
+//! | `annotations`, `handles` | over the picture: distances and names; what planes are dragged by |
+//! | `editor` | the curve of the transfer function |
+//! | `prompt` | asks for a file |
+//! | `theme` | colours and sizes |
 //! | `missing` | where the missing files of a session are |
 //! | `widgets` | parts of the panels |
 
+pub mod annotations;
 pub mod camera;
 pub mod clip;
+pub mod editor;
 pub mod error;
 pub mod fit;
+pub mod handles;
 pub mod keys;
 pub mod light;
 pub mod measure;
@@ -27,10 +34,12 @@ pub mod missing;
 pub mod notice;
 pub mod objects;
 pub mod overlay;
+pub mod prompt;
 pub mod quality;
 pub mod series;
 pub mod slices;
 pub mod status;
+pub mod theme;
 pub mod transfer;
 pub mod welcome;
 pub(crate) mod widgets;

@@ -14,12 +14,12 @@ use engine::unit::Unit;
 use glam::{DVec3, Vec3};
 
 use super::widgets::colour_button;
-use crate::actions::Action;
-use crate::deletions::{Deletion, Target};
-use crate::panel_info::PanelInfo;
-use crate::state::{Object, ViewState, mode_row};
-use crate::theme::SIGNAL;
-use crate::transfer::Transfer;
+use crate::model::actions::Action;
+use crate::model::deletions::{Deletion, Target};
+use crate::model::panel_info::PanelInfo;
+use crate::model::state::{Object, ViewState, mode_row};
+use crate::model::transfer::Transfer;
+use crate::panels::theme::SIGNAL;
 
 /// Greatest number of objects of a list without headings, search and a height of its own.
 const FEW: usize = 8;

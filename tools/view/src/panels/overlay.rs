@@ -2,8 +2,8 @@
 
 use egui::{Align2, Color32, Context, Frame, Id, Rect, Sense, Stroke, Ui, pos2, vec2};
 
-use crate::panel_info::{FRAMES, PanelInfo, Statistics};
-use crate::theme::{ACCENT, SIGNAL};
+use crate::model::panel_info::{FRAMES, PanelInfo, Statistics};
+use crate::panels::theme::{ACCENT, SIGNAL};
 
 /// Number of passes that are listed, the slowest ones.
 const PASSES: usize = 6;

@@ -4,9 +4,9 @@ use egui::{DragValue, Slider, Ui};
 use engine::render::SplatKind;
 
 use super::widgets::{explained, row};
-use crate::actions::Action;
-use crate::panel_info::PanelInfo;
-use crate::state::{self, SplatMode, Subject, ViewState};
+use crate::model::actions::Action;
+use crate::model::panel_info::PanelInfo;
+use crate::model::state::{self, SplatMode, Subject, ViewState};
 
 /// Least and greatest step that the slider gives.
 const STEPS: [f64; 2] = [0.05, 4.0];

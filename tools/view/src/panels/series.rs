@@ -8,8 +8,8 @@ use egui::{
 use engine::volume::dicom::{Series as Row, Slice};
 
 use super::widgets::escaped;
-use crate::series::Series;
-use crate::theme::SIGNAL;
+use crate::model::series::Series;
+use crate::panels::theme::SIGNAL;
 
 /// Edge of the picture of a slice, points of the screen.
 const PICTURE: f32 = 72.0;

@@ -8,9 +8,9 @@ use engine::fidelity::diverging;
 use glam::{DVec2, DVec3};
 
 use super::error::{bar, ends};
-use crate::panel_info::PanelInfo;
-use crate::slices::{SlicePlane, first_window, grey};
-use crate::state::{ErrorColours, Slices};
+use crate::model::panel_info::PanelInfo;
+use crate::model::slices::{SlicePlane, first_window, grey};
+use crate::model::state::{ErrorColours, Slices};
 
 /// Pixels of the longer side of a slice through a volume, and through splats alone, which take longer.
 const PIXELS: [usize; 2] = [320, 128];

@@ -4,9 +4,9 @@ use egui::{ProgressBar, Ui};
 use glam::DVec3;
 
 use super::widgets::explained;
-use crate::actions::Action;
-use crate::panel_info::PanelInfo;
-use crate::state::ViewState;
+use crate::model::actions::Action;
+use crate::model::panel_info::PanelInfo;
+use crate::model::state::ViewState;
 
 /// Point under the cursor.
 #[derive(Clone, Copy, Debug, PartialEq)]

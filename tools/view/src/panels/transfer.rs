@@ -6,11 +6,11 @@ use engine::unit::Unit;
 
 use super::light;
 use super::widgets::{ask, colour_button, row};
-use crate::actions::Action;
-use crate::editor::widget::{self, Backdrop};
-use crate::editor::{Editor, full_range};
-use crate::panel_info::PanelInfo;
-use crate::state::ViewState;
+use crate::model::actions::Action;
+use crate::model::panel_info::PanelInfo;
+use crate::model::state::ViewState;
+use crate::panels::editor::widget::{self, Backdrop};
+use crate::panels::editor::{Editor, full_range};
 
 /// Gradients that a new ramp goes from and to, as shares of the range of the data.
 const STEEP: [f64; 2] = [0.01, 0.05];

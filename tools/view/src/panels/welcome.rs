@@ -7,9 +7,9 @@ use egui::{Align2, Color32, Context, FontId, Id, LayerId, Order, Rect, Ui, UiBui
 
 use super::objects;
 use super::widgets::ask;
-use crate::actions::Action;
-use crate::deletions::Deletion;
-use crate::panel_info::PanelInfo;
+use crate::model::actions::Action;
+use crate::model::deletions::Deletion;
+use crate::model::panel_info::PanelInfo;
 
 /// Number of recent files that are offered.
 const MOST: usize = 8;

@@ -3,8 +3,8 @@
 use egui::{Align, Context, Key, Layout, ModalResponse, Response, Ui, WidgetText};
 use glam::DVec3;
 
-use crate::actions::{Action, binding};
-use crate::theme::bytes_of;
+use crate::model::actions::{Action, binding};
+use crate::panels::theme::bytes_of;
 
 /// Shows a row: its name, of the same width in all rows, with an explanation, and `content` beside it.
 pub(crate) fn row<R>(ui: &mut Ui, name: &str, help: &str, content: impl FnOnce(&mut Ui) -> R) -> R {

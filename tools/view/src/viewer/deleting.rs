@@ -1,9 +1,9 @@
 //! Deletes splats beside the window: what is left of them comes into the picture once it is found.
 
 use super::viewer::{Viewer, is_lost};
-use crate::canvas::Canvas;
-use crate::loader::{Left, Loaded};
-use crate::state::Subject;
+use crate::io::loader::{Left, Loaded};
+use crate::model::state::Subject;
+use crate::screen::canvas::Canvas;
 
 impl Viewer {
     /// Begins to find the splats that the deletions of the state leave, unless they are shown already.

@@ -5,8 +5,8 @@ use engine::Result;
 use engine::render::Look;
 
 use super::viewer::{PITCH, Viewer, is_lost};
-use crate::canvas::Canvas;
-use crate::state::Subject;
+use crate::model::state::Subject;
+use crate::screen::canvas::Canvas;
 
 /// Work without which the picture cannot have the colours of the error.
 const COLOURING: &str = "colouring by the error";

@@ -6,13 +6,13 @@ use std::sync::Arc;
 use engine::Result;
 
 use super::viewer::Viewer;
-use crate::canvas::Canvas;
-use crate::deletions::Target;
-use crate::export::Export;
-use crate::pack::pack;
-use crate::picture_options::PictureOptions;
-use crate::sorting::{Sorted, needs_look, put_beside, sort};
-use crate::state::{Files, Subject, ViewState};
+use crate::io::pack::pack;
+use crate::io::sorting::{Sorted, needs_look, put_beside, sort};
+use crate::model::deletions::Target;
+use crate::model::picture_options::PictureOptions;
+use crate::model::state::{Files, Subject, ViewState};
+use crate::screen::canvas::Canvas;
+use crate::screen::export::Export;
 
 impl Viewer {
     /// Notes that the files of a subject are open, and puts them among the recent ones.

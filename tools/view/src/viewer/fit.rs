@@ -9,12 +9,12 @@ use engine::render::Scene;
 
 use super::shown_fit::{AskedFit, ShownFit};
 use super::viewer::{PITCH, Viewer, is_lost};
-use crate::actions::Action;
-use crate::canvas::Canvas;
-use crate::fit_plan::{Stage, config};
-use crate::fitting::{FitOrder, Fitting, News};
-use crate::loader::LoadedSplats;
-use crate::state::{SplatMode, Subject};
+use crate::io::fitting::{FitOrder, Fitting, News};
+use crate::io::loader::LoadedSplats;
+use crate::model::actions::Action;
+use crate::model::fit_plan::{Stage, config};
+use crate::model::state::{SplatMode, Subject};
+use crate::screen::canvas::Canvas;
 
 /// Work without which the splats of a fit cannot be shown decoded.
 const DECODING: &str = "decoding the fit";

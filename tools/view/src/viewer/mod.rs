@@ -7,6 +7,7 @@
 //! | `deleting` | splats that are deleted, beside the window |
 //! | `begun` | the picture on its way |
 //! | `pictures` | when a picture is begun, with what quality, and how it goes on between frames |
+//! | `input_queue` | what the user has done, for the next frame |
 //! | `preparing` | in which mode splats are shown, and what is made beside the window for it |
 //! | `error` | the error of the splats against the volume: measured, and in colours |
 //! | `fit` | a fit beside the window: it is begun, its splats are shown as they come, kept or dropped |
@@ -18,6 +19,7 @@ mod deleting;
 mod error;
 mod files;
 mod fit;
+pub mod input_queue;
 mod pictures;
 mod preparing;
 mod shown_fit;

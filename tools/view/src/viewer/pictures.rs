@@ -9,9 +9,9 @@ use engine::render::{Quality, SplatKind, level_costs, quality_levels};
 
 use super::begun::{Begun, PictureTimes, REST};
 use super::viewer::Viewer;
-use crate::canvas::{self, Canvas, Overlay, render_setups};
-use crate::rendered_scene::RenderSetup;
-use crate::state::{SplatMode, Subject};
+use crate::model::state::{SplatMode, Subject};
+use crate::screen::canvas::{self, Canvas, Overlay, render_setups};
+use crate::screen::rendered_scene::RenderSetup;
 
 /// Quality of the first picture, low so that something is shown at once.
 const FIRST: Quality = Quality { resolution: 0.25, coarseness: 2.0, occlusion: false };

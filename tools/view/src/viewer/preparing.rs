@@ -5,8 +5,8 @@ use engine::Result;
 use engine::render::{GpuSplats, quality_levels};
 
 use super::viewer::{PITCH, Viewer};
-use crate::canvas::Canvas;
-use crate::state::{SplatMode, Subject};
+use crate::model::state::{SplatMode, Subject};
+use crate::screen::canvas::Canvas;
 
 /// Returns the name of the work without which splats cannot be shown decoded.
 fn decoding(subject: Subject) -> &'static str {

@@ -3,9 +3,9 @@
 use std::sync::Arc;
 use std::time::Instant;
 
-use crate::fitting::Fitting;
-use crate::loader::LoadedSplats;
-use crate::state::SplatMode;
+use crate::io::fitting::Fitting;
+use crate::io::loader::LoadedSplats;
+use crate::model::state::SplatMode;
 
 /// What a fit was asked for, from whose time that of the next one is told.
 pub(super) struct AskedFit {

@@ -6,11 +6,11 @@ use engine::render::{Quality, Settings};
 use engine::transfer::preset;
 
 use super::viewer::{PITCH, Viewer};
-use crate::canvas::Canvas;
-use crate::rendered_scene::RenderSetup;
-use crate::state::{SplatMode, Subject, mode_row};
-use crate::thumbnails::{SIZE, Seen};
-use crate::transfer::Transfer;
+use crate::model::state::{SplatMode, Subject, mode_row};
+use crate::model::thumbnails::{SIZE, Seen};
+use crate::model::transfer::Transfer;
+use crate::screen::canvas::Canvas;
+use crate::screen::rendered_scene::RenderSetup;
 
 impl Viewer {
     /// Makes the next thumbnail, if a list of presets is open that lacks one. Returns true if it was made.

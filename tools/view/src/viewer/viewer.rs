@@ -16,21 +16,21 @@ use winit::window::Window;
 
 use super::begun::{Begun, PictureTimes, REST};
 use super::shown_fit::ShownFit;
-use crate::actions::Action;
 use crate::app::App;
-use crate::canvas::{Canvas, Overlay};
-use crate::fit_plan::Stage;
-use crate::input_queue::InputQueue;
-use crate::loaded_data::LoadedData;
-use crate::loader::{Loaded, Loader};
-use crate::open_files::OpenFiles;
-use crate::panel_info::{PanelInfo, Statistics};
-use crate::report::WindowReport;
-use crate::settings::Settings;
-use crate::state::{Clip, Files, SplatMode, Subject, ViewState};
-use crate::system_dialog::SystemDialog;
-use crate::thumbnails::Thumbnails;
-use crate::transfer::Transfer;
+use crate::io::loaded_data::LoadedData;
+use crate::io::loader::{Loaded, Loader};
+use crate::io::open_files::OpenFiles;
+use crate::io::report::WindowReport;
+use crate::model::actions::Action;
+use crate::model::fit_plan::Stage;
+use crate::model::panel_info::{PanelInfo, Statistics};
+use crate::model::settings::Settings;
+use crate::model::state::{Clip, Files, SplatMode, Subject, ViewState};
+use crate::model::system_dialog::SystemDialog;
+use crate::model::thumbnails::Thumbnails;
+use crate::model::transfer::Transfer;
+use crate::screen::canvas::{Canvas, Overlay};
+use crate::viewer::input_queue::InputQueue;
 
 /// Distance of the voxels of mode decoded, in those of the CT, as in the settings of a picture.
 pub(super) const PITCH: f64 = 1.0;

@@ -5,11 +5,11 @@ use engine::splat::{Splat, SplatSet};
 use glam::DVec2;
 
 use super::*;
-use crate::fit_plan::FitStatus;
-use crate::orbit::{Orbit, Side};
-use crate::region::RegionSize;
-use crate::state::{Object, SplatMode};
-use crate::transfer::Transfer;
+use crate::model::fit_plan::FitStatus;
+use crate::model::orbit::{Orbit, Side};
+use crate::model::region::RegionSize;
+use crate::model::state::{Object, SplatMode};
+use crate::model::transfer::Transfer;
 
 #[path = "asking.rs"]
 mod asking;

@@ -4,7 +4,7 @@ use std::cell::RefCell;
 use std::rc::Rc;
 
 use super::*;
-use crate::system_dialog::{Pending, Question, Replier, Reply, Wanted};
+use crate::model::system_dialog::{Pending, Question, Replier, Reply, Wanted};
 
 /// Dialogs that were asked for, and the ends that answer them.
 type Shown = Rc<RefCell<Vec<(Question, Replier)>>>;

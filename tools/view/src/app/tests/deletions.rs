@@ -1,7 +1,7 @@
 use std::path::PathBuf;
 
 use super::*;
-use crate::deletions::{Bounds, Deletion, Target};
+use crate::model::deletions::{Bounds, Deletion, Target};
 
 /// Returns the actions of a click on a button.
 fn click(bench: &mut Bench, text: &str) -> Vec<Action> {

@@ -1,0 +1,19 @@
+//! What every crate of vgs stands on.
+//!
+//! | module | what it is |
+//! |---|---|
+//! | `error` | [`Error`]: what happened, to which file, and what to do about it |
+//! | `input`, `output` | opening of files that a user names; files that appear whole or not at all |
+//! | `memory` | how much of the host there is; asked before what a flag or a file sizes is taken |
+//! | `names` | the name that a mistyped one stands for |
+//! | `unit` | what intensities are numbers of |
+#![forbid(unsafe_code)]
+
+pub mod error;
+pub mod input;
+pub mod memory;
+pub mod names;
+pub mod output;
+pub mod unit;
+
+pub use error::{Error, Kind, Result};

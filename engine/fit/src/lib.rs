@@ -1,0 +1,65 @@
+//! Fitting: the optimization of splats against the voxels of a region of interest.
+//!
+//! [`run()`] is the entry point: it turns a volume and a region into a splat set.
+//!
+//! | file | what it is |
+//! |---|---|
+//! | `run`, `schedule` | the entry point: [`Problem`], [`Schedule`], and the observer of a fit ([`Watch`]) |
+//! | `config`, `unit` | every hyper-parameter, with its unit |
+//! | `profiles`, `qualities` | configurations with a name |
+//! | `goal`, `count`, `adjust` | an error to reach, the number of splats that it takes, and more or fewer of them |
+//! | `going` | how far a stage that takes long is, and whether it goes on |
+//! | `init` | the first splats |
+//! | `fitter` | the iterations on the device |
+//! | `subset` | mini-batches |
+//! | `pause`, `topology` | between iterations: splats are added, removed and moved (density control) |
+//! | `targets`, `terms` | the samples that a fit must match, and its loss terms |
+//! | `state` | an interrupted fit, as a file |
+//! | `rounding` | a fit rounded for a small file: [`Problem::rounded_set`] |
+//! | `evaluate`, `errors` | how good splats are, and where they are wrong |
+//! | `exceptions` | the voxels where splats are on the wrong side of a binary mask, for the file |
+//! | `labels`, `place` | which structure a splat belongs to; the voxel grid of splats from other programs |
+#![forbid(unsafe_code)]
+
+mod adjust;
+mod config;
+mod count;
+pub mod errors;
+pub mod evaluate;
+mod exceptions;
+mod fitter;
+mod goal;
+mod going;
+pub mod init;
+pub mod labels;
+mod pause;
+pub mod place;
+mod profiles;
+mod qualities;
+mod rounding;
+mod run;
+mod schedule;
+mod state;
+mod subset;
+mod targets;
+mod terms;
+pub mod topology;
+mod unit;
+
+pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, Storage};
+pub use count::Trial;
+pub use exceptions::{Misclassified, with_part_of_mask};
+pub use fitter::{Fitter, Progress};
+pub use goal::Goal;
+pub use going::{Going, to_the_end};
+pub use profiles::{PROFILES, Profile};
+pub use qualities::{DEFAULT_QUALITY, EARLY, QUALITIES, QualityPreset};
+pub use rounding::{ROUNDING_ITERATIONS, rounded_as_it_is};
+pub use run::{
+    Beginning, CurvePoint, End, GOAL_MARGIN_DB, Interrupted, Milestone, Outcome, Problem, Start, Watch, run,
+};
+pub use schedule::Schedule;
+pub use state::FitState;
+pub use targets::{Scaling, offsets, sample};
+pub use terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};
+pub use unit::ScaleUnit;

@@ -1,0 +1,113 @@
+//! Rounding of a fit for a small file: one group of parameters after the other is rounded and stays, and the
+//! groups that follow are fitted again, so that they make up for what rounding has changed.
+//!
+//! The shape comes first, because the steps of a mean follow from the shape; the intensity comes last, because
+//! the field is linear in it.
+
+use std::path::Path;
+
+use super::exceptions::with_same_mask;
+use super::going::{Going, iterate, part};
+use super::run::Problem;
+use super::unit::ScaleUnit;
+use super::{FitConfig, Fitter};
+use base::error::Result;
+use gpu::Gpu;
+use splat::{Form, Group, Rounding, Splat, SplatSet};
+
+/// The order of the groups.
+const ORDER: [Group; 4] = [Group::Shape, Group::Mean, Group::Opacity, Group::Intensity];
+/// Iterations between the rounding of one group and of the next.
+const ITERATIONS: u32 = 80;
+/// First learning rates after a rounding, as a share of those of a fit.
+const RATES: f32 = 0.35;
+
+/// Iterations that [`Problem::rounded_set`] takes.
+pub const ROUNDING_ITERATIONS: u32 = (ORDER.len() as u32 - 1) * ITERATIONS;
+
+impl Problem<'_> {
+    /// Returns true if splats of this fit are rounded and fitted again for the format that the extension of
+    /// `path` names. A fit of mini-batches has no memory for that; its splats are rounded as they are.
+    pub fn is_rounded_in(&self, path: &Path) -> bool {
+        splat::rounds(path) && self.config().subset == 0
+    }
+
+    /// Returns fitted splats (voxel space of the working grid, HU) as [`Problem::finished_set`] does, rounded
+    /// to a coarse lattice and fitted again to make up for it. `going` hears how far that is; once it says
+    /// stop, what is left is rounded at once. Waits for the device.
+    ///
+    /// # Errors
+    /// Fails if the device fails.
+    pub fn rounded_set(
+        &self,
+        gpu: &Gpu,
+        splats: &[Splat],
+        iterations: u32,
+        going: &mut Going<'_>,
+    ) -> Result<SplatSet> {
+        let mut rounding = Rounding::coarse(splats);
+        let mut splats = splats.to_vec();
+        for (done, &group) in ORDER.iter().enumerate() {
+            let at = |done: usize| (done as f64 - 1.0) / (ORDER.len() as f64 - 1.0);
+            if done > 0 && going(at(done)).is_continue() {
+                let config = config_after(self.config(), &ORDER[..done], &splats);
+                let mut fitter = Fitter::new(gpu, self.volume(), self.roi(), &splats, &config)?;
+                iterate(&mut fitter, ITERATIONS, &mut part(going, at(done), at(done + 1)))?;
+                let fitted = fitter.splats()?;
+                for (splat, fitted) in splats.iter_mut().zip(&fitted) {
+                    // What is rounded keeps its bits: converting it to the fit's numbers and back is not exact.
+                    for &group in &ORDER[done..] {
+                        group.copy(fitted, splat);
+                    }
+                }
+            }
+            rounding.round(&mut splats, group);
+        }
+        Ok(SplatSet { rounding: Some(rounding), ..self.finished_set(gpu, &splats, iterations)? })
+    }
+}
+
+/// Returns `set`, if it has a mask, rounded to a fine lattice, with the exceptions that give it the same mask;
+/// others need none, and are rounded when they are written. Waits for the device.
+///
+/// # Errors
+/// Fails if the device fails, and with [`Kind::HostMemory`](base::Kind) for a grid that memory does not hold.
+pub fn rounded_as_it_is(gpu: &Gpu, set: SplatSet) -> Result<SplatSet> {
+    let (Form::Grid { binary: true }, Some(grid), None) = (set.form, set.grid, set.rounding) else {
+        return Ok(set);
+    };
+    let mut splats = set.to_voxel(&grid.world_from_voxel);
+    let mut rounding = Rounding::fine(&splats);
+    for group in ORDER {
+        rounding.round(&mut splats, group);
+    }
+    let rounded = SplatSet::from_voxel(&splats, &grid.world_from_voxel, set.field);
+    let (splats, origin_mm) = (rounded.splats, rounded.origin_mm);
+    let rounded = SplatSet { splats, origin_mm, rounding: Some(rounding), ..set.clone() };
+    with_same_mask(gpu, &set, rounded)
+}
+
+/// Returns the configuration of iterations after a fit that leave the groups `rounded` alone.
+pub(super) fn config_after(config: &FitConfig, rounded: &[Group], splats: &[Splat]) -> FitConfig {
+    let usual = FitConfig::default();
+    let rate = |rate: f32, group| if rounded.contains(&group) { 0.0 } else { RATES * rate };
+    let scales = || splats.iter().flat_map(|splat| splat.log_scale).map(f32::exp);
+    FitConfig {
+        rate_rotation: rate(usual.rate_rotation, Group::Shape),
+        rate_log_scale: rate(usual.rate_log_scale, Group::Shape),
+        rate_mean: rate(usual.rate_mean, Group::Mean),
+        rate_opacity: rate(usual.rate_opacity, Group::Opacity),
+        rate_intensity: rate(usual.rate_intensity, Group::Intensity),
+        learn_intensity: true,
+        learn_opacity: true,
+        topology: usual.topology,
+        subset: 0,
+        // Splats are shaped in voxels by now. What is rounded may lie beyond the limits of the fit.
+        scale_unit: ScaleUnit::Voxel,
+        scale_growth: 0.0,
+        scale_min: scales().fold(f32::INFINITY, f32::min) * 0.9,
+        scale_max: scales().fold(0.0, f32::max) * 1.1,
+        logit_max: config.logit_max + 1.0,
+        ..config.clone()
+    }
+}

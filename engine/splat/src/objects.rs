@@ -1,0 +1,397 @@
+//! Objects: the parts of a set that are shown, hidden and coloured separately. They are the labels of the
+//! set. [`join`] makes one set of several, so that parts of one body that were fitted separately lie in one
+//! scene.
+//!
+//! A joined set is one field: where objects overlap, V̂ = b + Σ w (c − b) / (Σ w + ε) sums over all their
+//! splats, as it does for the splats of one fit. That is right for parts of one body, which share the tissue
+//! at their borders.
+
+use glam::DVec3;
+
+use super::harmonics::basis_count;
+use super::{Exception, Field, Form, Grid, Harmonics, SplatSet, label_name};
+use base::error::{Error, Kind, Result};
+use base::names;
+
+/// Most objects of a joined set: the number of labels other than 0.
+pub const MOST_OBJECTS: usize = 255;
+
+/// A part of a set with an appearance of its own: the splats of one label.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct Object {
+    /// Number of the object: the label of its splats, or 0 for splats without a label.
+    pub number: u8,
+    /// The name of the label, or a substitute for it; never empty.
+    pub name: String,
+    /// Number of splats.
+    pub splats: usize,
+}
+
+impl Object {
+    /// Returns the names by which it is called: its own, and the parts before and after its slash.
+    fn names(&self) -> Vec<&str> {
+        let parts = self.name.split_once('/').into_iter().flat_map(|(set, label)| [set, label]);
+        [self.name.as_str()].into_iter().chain(parts).collect()
+    }
+
+    /// Returns those of `objects` that a user means by `name`, as [`names::chosen`] says: a number, a name or the part of
+    /// one before or after its slash, a range, a pattern or `all`.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] if there are none; the help names those that there are, or a few of many.
+    pub fn called<'a>(objects: &'a [Object], name: &str) -> Result<Vec<&'a Object>> {
+        let numbered: Vec<_> = objects.iter().map(|o| (i32::from(o.number), o.names())).collect();
+        let numbers = names::chosen(name, &numbered);
+        let found: Vec<_> = objects.iter().filter(|o| numbers.contains(&i32::from(o.number))).collect();
+        if !found.is_empty() {
+            return Ok(found);
+        }
+        let help = match objects {
+            [] => "a volume has no objects; they are the labels and files of splats".to_owned(),
+            few if few.len() <= names::FEW => {
+                let known: Vec<_> = few.iter().map(|o| format!("{} ({})", o.name, o.number)).collect();
+                format!("objects are labels and files; here there are {}", known.join(", "))
+            }
+            many => {
+                let names = many.iter().map(|object| object.name.as_str());
+                let meant = names::meant_of_many(name, names);
+                format!("{meant}`vgs info` of the splats lists their {} labels", many.len())
+            }
+        };
+        Err(Error::new(Kind::Usage, "VGS-SPLAT-010", format!("no object is called {name:?}")).help(help))
+    }
+}
+
+impl SplatSet {
+    /// Returns the objects in ascending order of their numbers. All splats of a set without labels are one
+    /// object.
+    pub fn objects(&self) -> Vec<Object> {
+        if self.labels.is_none() {
+            return vec![Object { number: 0, name: "splats".to_owned(), splats: self.splats.len() }];
+        }
+        let name = |number, name: Option<String>| match (number, name) {
+            (_, Some(name)) => name,
+            (0, None) => "unlabelled".to_owned(),
+            (_, None) => format!("label {number}"),
+        };
+        let counts = self.label_counts().into_iter();
+        counts.map(|c| Object { number: c.label, name: name(c.label, c.name), splats: c.splats }).collect()
+    }
+}
+
+/// Joins all `sets`, each given with its name, into one. A set without labels becomes one object of that
+/// name. A set that is alone keeps its labels; if there are several sets, each label becomes an object called
+/// "set/label", and objects are numbered from 1 in the order of sets and labels.
+///
+/// The origin is the centre of the box of all means, in whole mm. The background is the mean of the
+/// backgrounds of all splats: it weighs ε against Σ w in V̂, so where anything is visible it moves V̂ by a
+/// small part of the difference of the backgrounds.
+///
+/// The grid and the volume's checksum are kept if all sets have the same one. Of the exceptions only voxels inside are kept if there are
+/// several sets: what is outside the mask of one may be inside that of another.
+///
+/// # Errors
+/// [`Kind::BadData`] if the sets do not add up to one field: splats with intensities and splats with colours,
+/// different kernels, different ε or w₀, a fit for a grid beside one that is not for the same grid. Also if
+/// there are more than [`MOST_OBJECTS`] objects.
+pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
+    let Some(((first_name, first), others)) = sets.split_first() else { return Ok(SplatSet::default()) };
+    for (name, set) in others {
+        if let Some((what, help)) = discord(first, set) {
+            let message = format!("{first_name} and {name} cannot be one scene: {what}");
+            return Err(Error::new(Kind::BadData, "VGS-SPLAT-003", message).help(help));
+        }
+    }
+    let alone = sets.len() == 1;
+    if alone && first.labels.is_some() {
+        return Ok(sets.into_iter().next().map(|(_, set)| set).unwrap_or_default());
+    }
+    let Numbered { labels, names: label_names } = numbered(&sets)?;
+    let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
+    let origin_mm = if shared { first.origin_mm } else { common_origin(&sets) };
+    let field = Field { background: mean_background(&sets), ..first.field };
+    let unit = others.iter().fold(first.unit, |unit, (_, s)| unit.joined(s.unit));
+    let colours = first.colours.is_some().then(|| joined_colours(&sets));
+    let iterations =
+        first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
+    let grid = first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid));
+    let volume_crc32 =
+        first.volume_crc32.filter(|_| others.iter().all(|(_, s)| s.volume_crc32 == first.volume_crc32));
+    let form = others.iter().fold(first.form, |form, (_, s)| form.joined(s.form));
+    let exceptions = joined_exceptions(&sets, grid.as_ref());
+    let mut splats = Vec::with_capacity(labels.len());
+    for (_, set) in sets {
+        let apart = set.origin_mm - origin_mm;
+        splats.extend(set.splats.into_iter().map(|mut splat| {
+            if apart != DVec3::ZERO {
+                splat.mean = (DVec3::from_array(splat.mean.map(f64::from)) + apart).as_vec3().to_array();
+            }
+            splat
+        }));
+    }
+    Ok(SplatSet {
+        splats,
+        origin_mm,
+        field,
+        unit,
+        colours,
+        labels: Some(labels),
+        label_names,
+        iterations,
+        grid,
+        volume_crc32,
+        form,
+        exceptions,
+        rounding: None,
+    })
+}
+
+/// Returns the exceptions of all sets together, in order; none if they have no common grid.
+fn joined_exceptions(sets: &[(String, SplatSet)], common_grid: Option<&Grid>) -> Vec<Exception> {
+    let Some(grid) = common_grid else { return Vec::new() };
+    let all = sets.iter().flat_map(|(_, set)| &set.exceptions);
+    let mut kept: Vec<Exception> =
+        all.filter(|exception| sets.len() == 1 || exception.inside).copied().collect();
+    kept.sort_unstable_by_key(|exception| exception.index(grid));
+    kept.dedup();
+    kept
+}
+
+/// Returns why two sets do not add up to one field and what to do about it, or `None` if they do.
+fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
+    const FIT: &str = "fit both with the same --kernel, --epsilon and --occupancy-w0, or render them apart";
+    let kind = |set: &SplatSet| match (&set.colours, set.unit.is_physical()) {
+        (Some(_), _) => "colours",
+        (None, true) => "intensities",
+        (None, false) => "luminances",
+    };
+    if kind(a) != kind(b) {
+        let what = format!("the splats of one have {}, those of the other {}", kind(a), kind(b));
+        return Some((what, "render splats of vgs and splats of other programs apart"));
+    }
+    // Such a fit is not right between the voxels of its own grid, so two of them must share the grid.
+    let of_grid = [a, b].map(|set| set.form != Form::Field);
+    if of_grid == [true, true] && a.grid != b.grid {
+        let what = "they were fitted for the voxels of different grids".to_owned();
+        return Some((what, "fit both with --profile field, or render them apart"));
+    }
+    if of_grid[0] != of_grid[1] {
+        let what =
+            "one was fitted for the voxels of its grid, the other for the field between them too".to_owned();
+        return Some((what, "fit both with the same --form, or render them apart"));
+    }
+    let (a, b) = (&a.field, &b.field);
+    if a.kernel != b.kernel {
+        let [a, b] = [a, b].map(|field| field.kernel.row().name);
+        return Some((format!("the kernel of one is {a}, that of the other {b}"), FIT));
+    }
+    let numbers = [("ε", a.epsilon, b.epsilon), ("w₀", a.occupancy_w0, b.occupancy_w0)];
+    let (name, a, b) = numbers.into_iter().find(|(_, a, b)| a != b)?;
+    Some((format!("{name} of one is {a}, that of the other {b}"), FIT))
+}
+
+/// The objects of a joined set.
+struct Numbered {
+    /// The number of each splat's object.
+    labels: Vec<u8>,
+    /// The names of the objects with their numbers.
+    names: Vec<(u8, String)>,
+}
+
+fn numbered(sets: &[(String, SplatSet)]) -> Result<Numbered> {
+    let (mut labels, mut names) = (Vec::new(), Vec::new());
+    for (name, set) in sets {
+        let mut numbers = [0; 256];
+        for object in set.objects() {
+            let name = match set.labels {
+                Some(_) => format!("{name}/{}", object.name),
+                None => name.clone(),
+            };
+            names.push(match label_name(&name) {
+                empty if empty.is_empty() => "splats".to_owned(),
+                name => name,
+            });
+            numbers[usize::from(object.number)] = names.len();
+        }
+        if names.len() > MOST_OBJECTS {
+            let message = format!("{} objects up to {name}; a scene can have {MOST_OBJECTS}", names.len());
+            return Err(Error::new(Kind::BadData, "VGS-SPLAT-004", message)
+                .help("give fewer files, or files of fewer labels"));
+        }
+        match &set.labels {
+            Some(old) => labels.extend(old.iter().map(|&label| numbers[usize::from(label)] as u8)),
+            None => labels.resize(labels.len() + set.splats.len(), numbers[0] as u8),
+        }
+    }
+    Ok(Numbered { labels, names: (1..=u8::MAX).zip(names).collect() })
+}
+
+/// Returns the centre of the box of all means, rounded to whole mm, so that f32 means keep their digits; mm
+/// RAS.
+fn common_origin(sets: &[(String, SplatSet)]) -> DVec3 {
+    let mut bounds = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for (_, set) in sets {
+        for splat in &set.splats {
+            let x = DVec3::from_array(splat.mean.map(f64::from)) + set.origin_mm;
+            bounds = [bounds[0].min(x), bounds[1].max(x)];
+        }
+    }
+    let centre = (bounds[0] + bounds[1]) * 0.5;
+    if centre.is_finite() { centre.round() } else { DVec3::ZERO }
+}
+
+fn mean_background(sets: &[(String, SplatSet)]) -> f32 {
+    let count: f64 = sets.iter().map(|(_, set)| set.splats.len() as f64).sum();
+    let first = sets[0].1.field.background;
+    if count == 0.0 || sets.iter().all(|(_, set)| set.field.background == first) {
+        return first;
+    }
+    let sum: f64 = sets.iter().map(|(_, s)| f64::from(s.field.background) * s.splats.len() as f64).sum();
+    (sum / count) as f32
+}
+
+/// Returns the colours of all sets at the highest degree of any set; coefficients that a set lacks are 0.
+fn joined_colours(sets: &[(String, SplatSet)]) -> Harmonics {
+    let colours = || sets.iter().filter_map(|(_, set)| set.colours.as_ref());
+    let degree = colours().map(|c| c.degree).max().unwrap_or(0);
+    let stride = 3 * basis_count(degree);
+    let mut coefficients = Vec::new();
+    for row in colours().flat_map(|c| c.coefficients.chunks(c.stride())) {
+        let end = coefficients.len() + stride;
+        coefficients.extend_from_slice(row);
+        coefficients.resize(end, 0.0);
+    }
+    Harmonics { degree, coefficients }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DAffine3;
+
+    use super::*;
+    use crate::{Kernel, Splat};
+    use base::unit::Unit;
+
+    fn at(origin: DVec3, means: &[[f32; 3]]) -> SplatSet {
+        let splat = |&mean: &[f32; 3]| Splat { mean, rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        SplatSet { splats: means.iter().map(splat).collect(), origin_mm: origin, ..SplatSet::default() }
+    }
+
+    fn named(sets: &[(&str, &SplatSet)]) -> Vec<(String, SplatSet)> {
+        sets.iter().map(|&(name, set)| (name.to_owned(), set.clone())).collect()
+    }
+
+    #[test]
+    fn what_is_joined_stays_where_it_was_and_is_told_apart() {
+        let bones = at(DVec3::new(100.0, -20.0, 1000.0), &[[0.5, 0.0, 0.0], [1.5, 2.0, -3.0]]);
+        let mut organs = at(DVec3::new(-50.0, 0.0, 900.0), &[[0.0; 3], [1.0; 3], [2.0; 3], [3.0; 3]]);
+        organs.labels = Some(vec![5, 0, 9, 5]);
+        organs.label_names = vec![(5, "liver".to_owned())];
+        organs.field.background = 30.0;
+        let joined = join(named(&[("bones", &bones), ("organs", &organs)])).expect("they fit together");
+        let world =
+            |set: &SplatSet, i: usize| DVec3::from_array(set.splats[i].mean.map(f64::from)) + set.origin_mm;
+        for i in 0..6 {
+            let before = if i < 2 { world(&bones, i) } else { world(&organs, i - 2) };
+            assert!(world(&joined, i).distance(before) < 1e-5, "splat {i}");
+        }
+        let again = join(named(&[("bones", &bones), ("more", &bones)])).expect("they fit together");
+        assert_eq!((again.origin_mm, &again.splats[2..]), (bones.origin_mm, &bones.splats[..]), "to the bit");
+        assert_eq!(joined.labels, Some(vec![1, 1, 3, 2, 4, 3]));
+        let objects: Vec<_> = joined.objects().into_iter().map(|o| (o.number, o.name, o.splats)).collect();
+        let wanted =
+            [(1, "bones", 2), (2, "organs/unlabelled", 1), (3, "organs/liver", 2), (4, "organs/label 9", 1)];
+        assert_eq!(objects, wanted.map(|(number, name, splats)| (number, name.to_owned(), splats)));
+        assert_eq!(joined.field.background, 20.0, "the mean of 2 at 0 and 4 at 30");
+        assert_eq!(joined.label_defect(), None, "a file can hold it");
+    }
+
+    #[test]
+    fn one_set_keeps_its_labels_and_gets_a_name_without_them() {
+        let mut set = at(DVec3::ONE, &[[0.0; 3], [1.0; 3]]);
+        assert_eq!(set.objects(), [Object { number: 0, name: "splats".into(), splats: 2 }]);
+        let named_set = join(named(&[("bones", &set)])).expect("a set");
+        assert_eq!(named_set.objects(), [Object { number: 1, name: "bones".into(), splats: 2 }]);
+        assert_eq!((named_set.origin_mm, &named_set.splats), (set.origin_mm, &set.splats));
+        set.labels = Some(vec![7, 7]);
+        assert_eq!(join(named(&[("bones", &set)])).expect("a set"), set);
+        assert_eq!(set.objects(), [Object { number: 7, name: "label 7".into(), splats: 2 }]);
+        assert_eq!(join(Vec::new()).expect("nothing"), SplatSet::default());
+    }
+
+    #[test]
+    fn colours_are_joined_at_the_highest_degree() {
+        let mut low = at(DVec3::ZERO, &[[0.0; 3]]);
+        low.unit = Unit::Luminance;
+        let mut high = low.clone();
+        low.colours = Some(Harmonics { degree: 0, coefficients: vec![1.0, 2.0, 3.0] });
+        high.colours = Some(Harmonics { degree: 1, coefficients: (0..12u8).map(f32::from).collect() });
+        let joined = join(named(&[("low", &low), ("high", &high)])).expect("two sets of colours");
+        let colours = joined.colours.expect("colours");
+        let direction = [0.6, 0.0, 0.8];
+        for (i, set) in [low, high].iter().enumerate() {
+            let before = set.colours.as_ref().expect("colours").colour(0, direction);
+            assert_eq!(colours.colour(i, direction), before, "set {i}");
+        }
+    }
+
+    #[test]
+    fn fits_for_one_grid_go_together_and_round_only_what_was_binary_in_both() {
+        let grid = |n: u32| Some(Grid { size: [n; 3], world_from_voxel: DAffine3::IDENTITY });
+        let of = |size, binary| SplatSet {
+            grid: grid(size),
+            form: Form::Grid { binary },
+            ..at(DVec3::ZERO, &[[0.0; 3]])
+        };
+        for (a, b) in [(true, true), (true, false), (false, true), (false, false)] {
+            let joined = join(named(&[("a", &of(4, a)), ("b", &of(4, b))])).expect("one grid");
+            assert_eq!((joined.form, joined.grid), (Form::Grid { binary: a && b }, grid(4)));
+        }
+        let excepting = |voxels: &[([u16; 3], bool)]| SplatSet {
+            exceptions: voxels.iter().map(|&(voxel, inside)| Exception { voxel, inside }).collect(),
+            ..of(4, true)
+        };
+        let (a, b) = (excepting(&[([3, 0, 0], true), ([0; 3], false)]), excepting(&[([2, 0, 0], true)]));
+        let alone = join(named(&[("a", &a)])).expect("one set");
+        assert_eq!(alone.exceptions.len(), 2, "both kinds");
+        let joined = join(named(&[("a", &a), ("b", &b)])).expect("one grid");
+        assert_eq!(joined.exceptions, excepting(&[([2, 0, 0], true), ([3, 0, 0], true)]).exceptions);
+        let error = join(named(&[("a", &of(4, true)), ("b", &of(5, true))])).expect_err("two grids");
+        assert!(
+            error.message.contains("different grids") && error.help.contains("--profile field"),
+            "{error}"
+        );
+    }
+
+    #[test]
+    fn sets_that_do_not_add_up_are_refused() {
+        let set = at(DVec3::ZERO, &[[0.0; 3]]);
+        let with = |change: &dyn Fn(&mut SplatSet)| {
+            let mut other = set.clone();
+            change(&mut other);
+            other
+        };
+        let many = with(&|s| {
+            s.splats = vec![s.splats[0]; 200];
+            s.labels = Some((0..200).collect());
+        });
+        for (other, code, word) in [
+            (with(&|s| s.field.kernel = Kernel::Gaussian), "VGS-SPLAT-003", "kernel"),
+            (with(&|s| s.form = Form::Grid { binary: true }), "VGS-SPLAT-003", "the field between"),
+            (with(&|s| s.field.epsilon *= 2.0), "VGS-SPLAT-003", "ε"),
+            (with(&|s| s.field.occupancy_w0 *= 2.0), "VGS-SPLAT-003", "w₀"),
+            (with(&|s| s.unit = Unit::Luminance), "VGS-SPLAT-003", "luminances"),
+            (
+                with(&|s| s.colours = Some(Harmonics { degree: 0, coefficients: vec![0.0; 3] })),
+                "VGS-SPLAT-003",
+                "colours",
+            ),
+        ] {
+            let error = join(named(&[("a", &set), ("b", &other)])).expect_err(word);
+            assert_eq!((error.kind, error.code), (Kind::BadData, code));
+            assert!(error.message.contains(word) && error.message.starts_with("a and b"), "{error}");
+        }
+        let error = join(named(&[("a", &many), ("b", &many)])).expect_err("400 objects");
+        assert_eq!(error.code, "VGS-SPLAT-004");
+    }
+}

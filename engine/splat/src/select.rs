@@ -1,0 +1,71 @@
+//! Some splats of a set: a crop, or one organ of several.
+
+use glam::DVec3;
+
+use super::SplatSet;
+
+impl SplatSet {
+    /// Returns the splats for which `keep` is true, with all that belongs to them; it is told the index of a
+    /// splat and its mean, mm RAS. The rest of the set's statements stays, so that parts of one set can be
+    /// [joined](super::join) again.
+    ///
+    /// Exceptions are left out, because those of the whole set say nothing of a part: where a neighbour is
+    /// gone the occupancy is another. `fit::with_part_of_mask` finds those of the part.
+    pub fn selected(&self, keep: impl Fn(usize, DVec3) -> bool) -> SplatSet {
+        let mean = |i: usize| DVec3::from_array(self.splats[i].mean.map(f64::from)) + self.origin_mm;
+        let rows: Vec<usize> = (0..self.splats.len()).filter(|&i| keep(i, mean(i))).collect();
+        self.of_rows(&rows)
+    }
+
+    /// Returns the splats of these rows, in this order, as [`SplatSet::selected`] does.
+    pub fn of_rows(&self, rows: &[usize]) -> SplatSet {
+        let mut part = self.clone();
+        part.exceptions = Vec::new();
+        part.take(rows);
+        if let Some(labels) = &part.labels {
+            part.label_names.retain(|(label, _)| labels.contains(label));
+        }
+        part
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::DAffine3;
+
+    use super::*;
+    use crate::{Exception, Form, Grid, Harmonics, Splat, join};
+    use base::unit::Unit;
+
+    #[test]
+    fn what_belongs_to_a_splat_comes_with_it() {
+        let splat =
+            |x: f32| Splat { mean: [x, 0.0, 0.0], rotation: [1.0, 0.0, 0.0, 0.0], ..Splat::default() };
+        let set = SplatSet {
+            splats: [1.0, 2.0, 3.0].map(splat).to_vec(),
+            origin_mm: DVec3::new(100.0, 0.0, 0.0),
+            labels: Some(vec![4, 9, 4]),
+            label_names: vec![(4, "liver".into()), (9, "spleen".into())],
+            grid: Some(Grid { size: [4; 3], world_from_voxel: DAffine3::IDENTITY }),
+            form: Form::Grid { binary: true },
+            exceptions: vec![Exception { voxel: [1, 2, 3], inside: true }],
+            ..SplatSet::default()
+        };
+        let right = set.selected(|_, mean| mean.x > 101.5);
+        assert_eq!(right.splats, set.splats[1..]);
+        assert_eq!(right.labels.as_deref(), Some(&[9, 4][..]));
+        assert_eq!((right.grid, right.form, right.origin_mm), (set.grid, set.form, set.origin_mm));
+        assert!(right.exceptions.is_empty(), "they are those of the whole");
+        let spleen = set.selected(|i, _| set.labels.as_ref().is_some_and(|labels| labels[i] == 9));
+        assert_eq!((spleen.splats.len(), spleen.label_names.len()), (1, 1));
+        let left = set.selected(|_, mean| mean.x <= 101.5);
+        let joined = join(vec![("left".into(), left), ("right".into(), right)]).expect("parts of one set");
+        assert_eq!((joined.splats, joined.grid), (set.splats.clone(), set.grid));
+        assert!(set.selected(|_, _| false).splats.is_empty());
+
+        let colours = Harmonics { degree: 0, coefficients: (0..9u8).map(f32::from).collect() };
+        let set = SplatSet { colours: Some(colours), unit: Unit::Luminance, ..set };
+        let last = set.selected(|i, _| i == 2).colours.expect("colours");
+        assert_eq!(last.coefficients, [6.0, 7.0, 8.0]);
+    }
+}

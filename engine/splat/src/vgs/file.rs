@@ -1,0 +1,479 @@
+//! The file: a mark, a header in JSON, the layers, the exceptions.
+
+use std::io::Read;
+use std::path::Path;
+
+use flate2::Crc;
+use glam::DAffine3;
+use serde::{Deserialize, Serialize};
+
+use super::exceptions;
+use super::lattice::Lattice;
+use super::layers::{self, COLUMNS, Models, Row};
+use super::rounding::{Cells, Rounding, Steps};
+use crate::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
+use crate::{
+    Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unplaced, WriteOptions, by_importance, defect,
+};
+use base::error::{Error, Kind, Result};
+use base::memory;
+use base::unit::Unit;
+
+/// The first bytes of a file; they tell when it went through a program that changes line ends.
+pub const MARK: [u8; 8] = *b"\x89VGS\r\n\x1a\n";
+/// Version of the format.
+const VERSION: u32 = 1;
+/// Most bytes of a header.
+const LONGEST_HEADER: u32 = 1 << 20;
+/// Most splats or exceptions of a byte: a writer adds zeros where it would have more.
+const MOST_A_BYTE: u64 = 16;
+/// Host bytes that a splat takes while it is read.
+const HOST_BYTES_A_SPLAT: u64 = 128;
+/// A set of at least this many splats is cut into layers: an eighth, a quarter, the rest.
+const LAYERED: usize = 4096;
+
+/// What a file states before its layers.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Header {
+    program: String,
+    note: String,
+    kernel: String,
+    background: f32,
+    epsilon: f32,
+    occupancy_w0: f32,
+    /// Name of the [`Unit`].
+    intensity: String,
+    iterations: Option<u32>,
+    grid: Option<GridHeader>,
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    volume_crc32: Option<u32>,
+    form: String,
+    labels: bool,
+    label_names: Vec<(u8, String)>,
+    /// Rows of the map from the lattice's space to mm RAS.
+    affine: [f64; 12],
+    steps: Steps,
+    cells: Cells,
+    ranges: [[i32; 2]; COLUMNS],
+    layers: Vec<Part>,
+    exceptions: Part,
+}
+
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct GridHeader {
+    size: [u32; 3],
+    affine: [f64; 12],
+}
+
+/// A part of the file after the header.
+#[derive(Clone, Copy, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct Part {
+    count: u64,
+    bytes: u64,
+    crc32: u32,
+}
+
+impl Part {
+    fn of(count: usize, bytes: &mut Vec<u8>) -> Self {
+        let least = (count as u64).div_ceil(MOST_A_BYTE) as usize;
+        if bytes.len() < least {
+            bytes.resize(least, 0);
+        }
+        Part { count: count as u64, bytes: bytes.len() as u64, crc32: crc32(bytes) }
+    }
+}
+
+fn crc32(bytes: &[u8]) -> u32 {
+    let mut crc = Crc::new();
+    crc.update(bytes);
+    crc.sum()
+}
+
+/// Returns true if a file begins with these bytes.
+pub fn sniff(start: &[u8]) -> bool {
+    start.starts_with(&MARK)
+}
+
+/// Writes `set` atomically.
+///
+/// # Errors
+/// [`Kind::NothingToDo`] without splats, [`Kind::Usage`] for a set with colours, which this format does not
+/// hold.
+pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
+    let bytes = encoded(set).map_err(|error| error.file(path))?;
+    base::output::write_atomic(path, options.force, |out| out.write_all(&bytes))
+}
+
+/// Returns the size in bytes of the file that [`write()`] makes of `set`.
+pub fn bytes(set: &SplatSet, _options: &WriteOptions) -> Result<u64> {
+    Ok(encoded(set)?.len() as u64)
+}
+
+fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
+    if set.colours.is_some() {
+        let message = "splats with colours, and a .vgs file holds splats with intensities";
+        return Err(Error::new(Kind::Usage, "VGS-FILE-001", message).help("write a .ply"));
+    }
+    crate::ply::check(set)?;
+    let affine = set.grid.map_or(DAffine3::from_translation(set.origin_mm), |grid| grid.world_from_voxel);
+    let splats = set.to_voxel(&affine);
+    let unusable = || Error::new(Kind::Internal, "VGS-FILE-002", "these splats cannot be rounded");
+    let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
+    let rows = |rounding: &Rounding| {
+        let lattice = Lattice::new(rounding.steps)?;
+        let row = |(i, splat)| Row::of(splat, label(i), &lattice, &rounding.cells);
+        let mut rows = splats.iter().enumerate().map(row).collect::<Option<Vec<_>>>()?;
+        // What is rounded decides the order, so that it does not depend on how the set came here.
+        rows.sort_unstable();
+        let rounded = rows.iter().map(|row| Some(row.splat(&lattice, &rounding.cells)?.0));
+        let order = by_importance(&rounded.collect::<Option<Vec<_>>>()?, &set.field);
+        Some(order.into_iter().map(|i| rows[i as usize]).collect::<Vec<_>>())
+    };
+    // Splats that were moved since may lie beyond the cells.
+    let as_they_are = set.rounding.and_then(|rounding| Some((rounding, rows(&rounding)?)));
+    let (rounding, mut rows) = as_they_are
+        .or_else(|| {
+            let fine = Rounding::fine(&splats);
+            Some((fine, rows(&fine)?))
+        })
+        .ok_or_else(unusable)?;
+    let ranges = layers::ranges(&rows);
+    let mut models = Models::new(&ranges).ok_or_else(unusable)?;
+    let mut payload = Vec::new();
+    let mut parts = Vec::new();
+    let ends = if rows.len() < LAYERED {
+        vec![rows.len()]
+    } else {
+        vec![rows.len() / 8, rows.len() * 3 / 8, rows.len()]
+    };
+    let mut begin = 0;
+    for end in ends {
+        let mut layer = layers::encode(&mut rows[begin..end], &mut models);
+        parts.push(Part::of(end - begin, &mut layer));
+        payload.extend(layer);
+        begin = end;
+    }
+    let mut exceptions = exceptions::encode(&set.exceptions);
+    let exceptions_part = Part::of(set.exceptions.len(), &mut exceptions);
+    payload.extend(exceptions);
+    let header = Header {
+        program: format!("vgs {}", env!("CARGO_PKG_VERSION")),
+        note: "not for diagnosis".to_owned(),
+        kernel: set.field.kernel.name().to_owned(),
+        background: set.field.background,
+        epsilon: set.field.epsilon,
+        occupancy_w0: set.field.occupancy_w0,
+        intensity: set.unit.name().to_owned(),
+        iterations: set.iterations,
+        grid: set.grid.map(|grid| GridHeader { size: grid.size, affine: grid.rows() }),
+        volume_crc32: set.volume_crc32,
+        form: set.form.name().to_owned(),
+        labels: set.labels.is_some(),
+        label_names: set.label_names.clone(),
+        affine: Grid { size: [1; 3], world_from_voxel: affine }.rows(),
+        steps: rounding.steps,
+        cells: rounding.cells,
+        ranges,
+        layers: parts,
+        exceptions: exceptions_part,
+    };
+    let header = serde_json::to_vec(&header).map_err(|_| unusable())?;
+    let mut out = MARK.to_vec();
+    for number in [VERSION, header.len() as u32, crc32(&header)] {
+        out.extend(number.to_le_bytes());
+    }
+    out.extend(header);
+    out.extend(payload);
+    Ok(out)
+}
+
+/// Reads a set.
+pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
+    let Loaded { set, .. } = load(path, options)?;
+    Ok(Unplaced { path: path.to_owned(), set, rows: None })
+}
+
+/// Reads a set and describes what the file holds.
+pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
+    let Loaded { set, header, dropped, widened, bytes } = load(path, options)?;
+    let payload: u64 = header.layers.iter().map(|part| part.bytes).sum();
+    let names = ["mean", "shape", "opacity", "intensity"];
+    Ok(Summary {
+        encoding: format!(
+            "{} layers, {:.2} bytes a splat",
+            header.layers.len(),
+            payload as f64 / set.splats.len().max(1) as f64
+        ),
+        dropped,
+        widened,
+        elements: vec![
+            ("splat".to_owned(), set.splats.len() as u64),
+            ("exception".to_owned(), header.exceptions.count),
+        ],
+        properties: names
+            .iter()
+            .map(|name| (*name).to_owned())
+            .chain(header.labels.then(|| "label".to_owned()))
+            .collect(),
+        ..Summary::of_set(&set, "vgs", "vgs", bytes)
+    })
+}
+
+struct Loaded {
+    set: SplatSet,
+    header: Header,
+    dropped: usize,
+    widened: usize,
+    bytes: u64,
+}
+
+fn load(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+    let failed = |error| Error::io(path, "reading a splat file", &error);
+    let mut file = base::input::open(path).map_err(failed)?;
+    let length = file.metadata().map_err(failed)?.len();
+    memory::require(length, "the file")?;
+    let mut bytes = Vec::new();
+    Read::by_ref(&mut file).take(length).read_to_end(&mut bytes).map_err(failed)?;
+    decoded(&bytes, options).map_err(|error| error.file(path))
+}
+
+fn damaged(what: impl Into<String>) -> Error {
+    Error::new(Kind::BadData, "VGS-FILE-003", what)
+        .help("the file is damaged, or no .vgs file: get it again from where it was made")
+}
+
+fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
+    let word = |at: usize| {
+        let word = bytes.get(at..at + 4)?.first_chunk()?;
+        Some(u32::from_le_bytes(*word))
+    };
+    let start = sniff(bytes).then(|| word(8).zip(word(12)).zip(word(16))).flatten();
+    let Some(((version, length), crc)) = start else {
+        return Err(damaged("the file ends in its first 20 bytes"));
+    };
+    if version != VERSION {
+        let message =
+            format!("version {version} of the .vgs format, and this program reads version {VERSION}");
+        return Err(Error::new(Kind::BadData, "VGS-FILE-004", message).help("use a newer vgs"));
+    }
+    let text = (length <= LONGEST_HEADER).then(|| bytes.get(20..20 + length as usize)).flatten();
+    let text = text
+        .filter(|text| crc32(text) == crc)
+        .ok_or_else(|| damaged("the header is not as it was written"))?;
+    let header: Header = serde_json::from_slice(text)
+        .map_err(|error| damaged(format!("the header cannot be read: {error}")))?;
+    let mut rest = &bytes[20 + length as usize..];
+    let declared = header.layers.iter().fold(0u64, |sum, part| sum.saturating_add(part.count));
+    if declared > options.max_splats {
+        let message = format!("{declared} splats, and {} are allowed", options.max_splats);
+        return Err(
+            Error::new(Kind::BadData, "VGS-FILE-005", message).help("raise the limit, or take another file")
+        );
+    }
+    let possible = |part: &Part| part.count <= part.bytes.saturating_mul(MOST_A_BYTE);
+    if !header.layers.iter().chain([&header.exceptions]).all(possible) {
+        return Err(damaged("more splats than so few bytes can hold"));
+    }
+    memory::require(declared * HOST_BYTES_A_SPLAT, &format!("{declared} splats"))?;
+    let (field, form, affine, grid) = stated(&header)?;
+    let lattice = Lattice::new(header.steps).ok_or_else(|| damaged("a step is out of range"))?;
+    let mut models = Models::new(&header.ranges).ok_or_else(|| damaged("a range is out of range"))?;
+    if header.cells.side_log2.abs() > 200 {
+        return Err(damaged("the cells are out of range"));
+    }
+    let mut take = |part: &Part| {
+        let (found, after) = rest.split_at_checked(usize::try_from(part.bytes).ok()?)?;
+        rest = after;
+        Some(found)
+    };
+    let (mut found, mut missing) = (Vec::new(), 0u64);
+    for (index, part) in header.layers.iter().enumerate() {
+        let Some(layer) = take(part).filter(|_| missing == 0) else {
+            missing += part.count;
+            continue;
+        };
+        let broken =
+            || damaged(format!("layer {} of {} is not as it was written", index + 1, header.layers.len()));
+        if crc32(layer) != part.crc32 {
+            return Err(broken());
+        }
+        let count = part.count as usize;
+        found.extend(layers::decode(layer, count, &mut models, &lattice, &header.cells).ok_or_else(broken)?);
+    }
+    let exceptions = match (take(&header.exceptions).filter(|_| missing == 0), &grid) {
+        (Some(bytes), Some(grid)) if crc32(bytes) == header.exceptions.crc32 => {
+            exceptions::decode(bytes, header.exceptions.count as usize, grid)
+                .ok_or_else(|| damaged("the exceptions are not as they were written"))?
+        }
+        (Some(_), None) if header.exceptions.count == 0 => Vec::new(),
+        (Some(_), _) => return Err(damaged("the exceptions are not as they were written")),
+        (None, _) => {
+            let message = format!("the file ends early: {missing} of {declared} splats are missing");
+            if options.strict || found.is_empty() {
+                return Err(damaged(message));
+            }
+            tracing::warn!("{message}; what is there is shown, coarser");
+            Vec::new()
+        }
+    };
+    let read = found.len();
+    found.retain(|(splat, _)| defect(splat).is_none());
+    let dropped = read - found.len();
+    if options.strict && dropped > 0 {
+        return Err(damaged(format!("{dropped} splats cannot be used")));
+    }
+    let labels = header.labels.then(|| found.iter().map(|(_, label)| *label).collect());
+    let splats: Vec<_> = found.into_iter().map(|(splat, _)| splat).collect();
+    let mut set = SplatSet::from_voxel(&splats, &affine, field);
+    let mut widened = 0;
+    for splat in &mut set.splats {
+        let log_scale = limit_anisotropy(splat.log_scale);
+        widened += usize::from(log_scale != splat.log_scale);
+        splat.log_scale = log_scale;
+    }
+    if widened > 0 {
+        tracing::warn!(widened, "splats thinner than 1/{ANISOTROPY_LIMIT} of their length were widened");
+    }
+    set.unit = Unit::from_name(&header.intensity).unwrap_or_default();
+    set.labels = labels;
+    set.label_names.clone_from(&header.label_names);
+    set.iterations = header.iterations;
+    set.grid = grid;
+    set.volume_crc32 = header.volume_crc32;
+    set.form = form;
+    set.exceptions = exceptions;
+    set.rounding = Some(Rounding { steps: header.steps, cells: header.cells });
+    let names_ascend = set.label_names.is_sorted_by(|a, b| a.0 < b.0);
+    if !names_ascend || crate::ply::check(&set).is_err() {
+        return Err(damaged("the header states what no set can have"));
+    }
+    Ok(Loaded { set, header, dropped, widened, bytes: bytes.len() as u64 })
+}
+
+/// Returns the field, the form, the map from the lattice's space to mm RAS, and the grid.
+fn stated(header: &Header) -> Result<(Field, Form, DAffine3, Option<Grid>)> {
+    let kernel = Kernel::from_name(&header.kernel).ok_or_else(|| damaged("the kernel is not known"))?;
+    let form = Form::from_name(&header.form).ok_or_else(|| damaged("the form is not known"))?;
+    let field = Field {
+        kernel,
+        background: header.background,
+        epsilon: header.epsilon,
+        occupancy_w0: header.occupancy_w0,
+    };
+    let frame = Grid::from_rows([1; 3], header.affine);
+    let grid = header.grid.as_ref().map(|grid| Grid::from_rows(grid.size, grid.affine));
+    let sound = [Some(frame), grid].iter().flatten().all(|grid| grid.defect().is_none());
+    let known = Unit::from_name(&header.intensity).is_some();
+    let reachable = header.affine.iter().all(|v| v.abs() < 1e12);
+    (sound && known && reachable)
+        .then_some(())
+        .ok_or_else(|| damaged("the header states what no set can have"))?;
+    Ok((field, form, frame.world_from_voxel, grid))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::Exception;
+    use crate::Splat;
+    use crate::ply;
+
+    fn set(count: usize) -> SplatSet {
+        let splats = (0..count)
+            .map(|i| {
+                let at = |k: usize| ((i * (7 + 4 * k) + k * i * i) % 97) as f32 * 0.3;
+                Splat {
+                    mean: [at(0), at(1), at(2)],
+                    opacity_logit: at(1) * 0.1 - 1.0,
+                    rotation: [1.0, at(2) * 0.1, -0.3, at(0) * 0.05],
+                    log_scale: [at(0) * 0.02, 0.2 - at(1) * 0.03, 0.1],
+                    intensity: at(2) * 40.0 - 200.0,
+                }
+            })
+            .collect();
+        let world_from_voxel = DAffine3::from_scale(glam::DVec3::new(-0.7, 0.7, 2.0));
+        let grid = Grid { size: [60, 50, 40], world_from_voxel };
+        SplatSet {
+            splats,
+            origin_mm: glam::DVec3::new(3.0, -7.0, 9.0),
+            grid: Some(grid),
+            form: Form::Grid { binary: true },
+            labels: Some((0..count).map(|i| (i % 4) as u8).collect()),
+            label_names: vec![(1, "one".to_owned()), (3, "three".to_owned())],
+            iterations: Some(12),
+            exceptions: [5, 6, 9000]
+                .into_iter()
+                .filter_map(|i| Exception::at(i, i % 2 == 0, &grid))
+                .collect(),
+            ..SplatSet::default()
+        }
+    }
+
+    #[test]
+    fn a_set_comes_back_with_all_that_it_states() {
+        for count in [1, 40, 6000] {
+            let set = set(count);
+            let bytes = encoded(&set).expect("a set");
+            let read = decoded(&bytes, &ReadOptions { strict: true, ..ReadOptions::default() })
+                .expect("the file")
+                .set;
+            let blank = |set: &SplatSet| SplatSet {
+                splats: Vec::new(),
+                labels: None,
+                origin_mm: glam::DVec3::ZERO,
+                rounding: None,
+                ..set.clone()
+            };
+            assert_eq!(blank(&read), blank(&set));
+            assert_eq!(read.label_counts(), set.label_counts());
+            assert_eq!(encoded(&read).expect("a set"), bytes, "the same when it is written again");
+            let mean = |set: &SplatSet| {
+                let sum: glam::DVec3 = set
+                    .splats
+                    .iter()
+                    .map(|s| glam::DVec3::from_array(s.mean.map(f64::from)) + set.origin_mm)
+                    .sum();
+                sum / set.splats.len() as f64
+            };
+            assert!(mean(&read).distance(mean(&set)) < 0.02, "{} {}", mean(&read), mean(&set));
+            if count == 6000 {
+                let ply = ply::bytes(&set, &WriteOptions::default()).expect("a set");
+                assert!((bytes.len() as u64) < ply / 5, "{} of {ply} bytes", bytes.len());
+            }
+        }
+    }
+
+    #[test]
+    fn the_first_layers_are_a_coarser_scene_and_damage_is_found() {
+        let bytes = encoded(&set(6000)).expect("a set");
+        let lenient = ReadOptions::default();
+        let strict = ReadOptions { strict: true, ..lenient };
+        let half = &bytes[..bytes.len() / 2];
+        let coarse = decoded(half, &lenient).expect("two layers").set;
+        assert_eq!((coarse.splats.len(), coarse.exceptions.len()), (2250, 0));
+        assert_eq!(decoded(half, &strict).err().expect("short").code, "VGS-FILE-003");
+        assert!(decoded(&bytes[..900], &lenient).is_err(), "no layer is whole");
+        for at in 0..bytes.len().min(4000) {
+            let mut changed = bytes.clone();
+            changed[at] ^= 1 << (at % 8);
+            let found = decoded(&changed, &lenient);
+            assert!(found.is_err(), "a changed bit at byte {at} is not seen");
+        }
+    }
+
+    #[test]
+    fn what_the_format_does_not_hold_is_refused() {
+        let colours = crate::Harmonics { degree: 0, coefficients: vec![0.0; 9] };
+        let coloured = SplatSet { colours: Some(colours), unit: Unit::Luminance, ..set(3) };
+        assert_eq!(encoded(&coloured).expect_err("colours").code, "VGS-FILE-001");
+        let mut newer = encoded(&set(3)).expect("a set");
+        newer[8] = 2;
+        assert_eq!(decoded(&newer, &ReadOptions::default()).err().expect("newer").code, "VGS-FILE-004");
+        let few = ReadOptions { max_splats: 2, ..ReadOptions::default() };
+        let bytes = encoded(&set(3)).expect("a set");
+        assert_eq!(decoded(&bytes, &few).err().expect("too many").code, "VGS-FILE-005");
+    }
+}

@@ -1,0 +1,59 @@
+//! Options for reading a volume.
+
+use glam::{DAffine3, DVec3};
+
+use super::LabelChoice;
+use base::unit::Unit;
+
+/// Options for reading a volume.
+#[derive(Clone, Debug, PartialEq)]
+pub struct ReadOptions {
+    /// The largest decoded file, and the largest volume in memory (4 bytes a voxel), in bytes. The default of
+    /// 2³¹ is a CT of 512 × 512 × 2047 voxels; a larger claim is more often a damaged header than a scan.
+    pub max_bytes: u64,
+    /// The volume of a series (4-D file) to read, counted from 0. Needed if there are several.
+    pub volume_index: Option<usize>,
+    /// The series of a DICOM folder to read: its number in the list of [`super::dicom::list`], its UID, or a
+    /// part of its description. Needed if there are several.
+    pub series: Option<String>,
+    /// True if damage that leaves every voxel readable is accepted: bytes after the compressed data, a wrong
+    /// checksum (a voxel may then be wrong), a broken header extension.
+    pub lenient: bool,
+    /// Distances of neighbouring voxels along x, y, z of a file that has none (a NumPy array), mm; 1 mm if not
+    /// given.
+    pub spacing_mm: Option<DVec3>,
+    /// What the samples are numbers of, if the user says it: [`Unit::Hu`] or [`Unit::Arbitrary`].
+    pub unit: Option<Unit>,
+    /// The labels that will be chosen, if the file is a mask. The structures of a DICOM file may overlap, and
+    /// a voxel has one label: of such a file only these are read.
+    pub labels: LabelChoice,
+    /// The grid of the volume that the file is a mask of, on which contours (RTSTRUCT) become voxels.
+    pub grid: Option<Grid>,
+    /// [`super::Volume::frame_of_reference`] of the volume that the file is a mask of.
+    pub frame_of_reference: Option<String>,
+}
+
+/// A regular grid.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Grid {
+    /// Voxel counts along x, y, z.
+    pub size: [usize; 3],
+    /// Map from voxel index (centres at integers) to world, mm RAS.
+    pub world_from_voxel: DAffine3,
+}
+
+impl Default for ReadOptions {
+    fn default() -> Self {
+        ReadOptions {
+            max_bytes: 1 << 31,
+            volume_index: None,
+            series: None,
+            lenient: false,
+            spacing_mm: None,
+            unit: None,
+            labels: LabelChoice::Whole,
+            grid: None,
+            frame_of_reference: None,
+        }
+    }
+}

@@ -1,0 +1,164 @@
+//! The readers that are fuzzed.
+
+use std::path::Path;
+use std::sync::LazyLock;
+
+use engine::fit::{FitConfig, FitState};
+use engine::render::CameraFile;
+use engine::splat::{ReadOptions as SplatOptions, read_unplaced};
+use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
+use engine::{Error, Kind, Result, image, transfer};
+use view::Settings;
+use view::model::state::ViewState;
+
+use crate::seeds::{self, dicom, splats};
+
+/// Bytes that a volume may take here; a larger claim is refused.
+pub const VOLUME_BYTES: u64 = 32 << 20;
+
+/// A reader.
+pub struct Target {
+    /// Name, by which the command line chooses it.
+    pub name: &'static str,
+    /// Extension of its files.
+    pub extension: &'static str,
+    /// Returns valid files.
+    pub seeds: fn() -> Vec<Vec<u8>>,
+    /// Makes the last change of a mutated file, such as a checksum that is right.
+    pub mend: fn(&[u8]) -> Vec<u8>,
+    /// Name of a file with voxels beside the file.
+    pub beside: Option<&'static str>,
+    /// Reads a file.
+    pub read: fn(&Path) -> Result<()>,
+}
+
+/// Returns a reader of files that need nothing but themselves.
+const fn reader(
+    name: &'static str,
+    extension: &'static str,
+    seeds: fn() -> Vec<Vec<u8>>,
+    read: fn(&Path) -> Result<()>,
+) -> Target {
+    Target { name, extension, seeds, mend: as_it_is, beside: None, read }
+}
+
+/// All readers.
+pub const TARGETS: &[Target] = &[
+    reader("nifti", "nii", seeds::nifti, volume),
+    Target { beside: Some("file.img"), ..reader("nifti-pair", "hdr", seeds::nifti_pair, volume) },
+    Target { beside: Some("beside.raw"), ..reader("nrrd", "nrrd", seeds::nrrd, volume) },
+    Target { beside: Some("beside.raw"), ..reader("metaimage", "mha", seeds::metaimage, volume) },
+    reader("npy", "npy", seeds::npy, volume),
+    reader("inv3", "inv3", seeds::inv3, volume),
+    reader("dicom", "dcm", dicom::slice, volume),
+    reader("dicom-zip", "zip", dicom::zip, volume),
+    reader("dicom-seg", "dcm", dicom::segmentation, mask),
+    reader("rtstruct", "dcm", dicom::contours, mask),
+    reader("ply", "ply", splats::ply, splat_set),
+    reader("ply-colours", "ply", splats::ply_colours, splat_set),
+    reader("ply-reference", "ply", splats::ply_reference, splat_set),
+    Target { mend: splats::vgs_sums, ..reader("vgs", "vgs", splats::vgs, splat_set) },
+    Target { mend: splats::spz_sums, ..reader("spz", "spz", splats::spz, splat_set) },
+    reader("glb", "glb", splats::glb, splat_set),
+    reader("vp-json", "json", seeds::vp_json, transfer_function),
+    reader("vp", "vp", seeds::vp, transfer_function),
+    reader("slicer-xml", "xml", seeds::slicer_xml, transfer_function),
+    reader("paraview", "json", seeds::paraview, transfer_function),
+    Target { mend: seeds::png_sums, ..reader("png", "png", seeds::png, picture) },
+    reader("exr", "exr", seeds::exr, picture),
+    Target { mend: seeds::state_sum, ..reader("state", "state", seeds::state, fit_state) },
+    reader("config", "toml", config_seeds, config),
+    reader("session", "toml", session_seeds, session),
+    reader("settings", "toml", settings_seeds, settings),
+    reader("camera", "json", camera_seeds, camera),
+];
+
+fn volume(path: &Path) -> Result<()> {
+    let options = ReadOptions { max_bytes: VOLUME_BYTES, ..ReadOptions::default() };
+    let strict = Volume::read(path, &options).map(drop);
+    // What is refused may still be read by the lenient way, which must be as safe.
+    if strict.is_err() {
+        let _ = Volume::read(path, &ReadOptions { lenient: true, volume_index: Some(0), ..options });
+    }
+    strict
+}
+
+/// The volume that masks are read for.
+static SCAN: LazyLock<Volume> = LazyLock::new(|| {
+    let samples = (0..24).map(|i| i as f32).collect();
+    Volume::new([4, 3, 2], dicom::world_from_voxel(), samples)
+});
+
+fn mask(path: &Path) -> Result<()> {
+    let options = ReadOptions { max_bytes: VOLUME_BYTES, ..ReadOptions::default() };
+    let labels = LabelChoice::Labels(vec!["1".into()]);
+    let whole = Volume::read_mask(path, &options, &LabelChoice::Whole, &SCAN);
+    let chosen = Volume::read_mask(path, &options, &labels, &SCAN)?;
+    let _ = Roi::from_mask(&chosen, &labels, &SCAN);
+    whole.map(drop)
+}
+
+fn splat_set(path: &Path) -> Result<()> {
+    let _ = engine::splat::describe(path, &SplatOptions { strict: true, ..SplatOptions::default() });
+    read_unplaced(path, &SplatOptions::default())?.placed(Some(&splats::place())).map(drop)
+}
+
+fn transfer_function(path: &Path) -> Result<()> {
+    transfer::read(path, None, [-1000.0, 2000.0]).map(drop)
+}
+
+fn picture(path: &Path) -> Result<()> {
+    image::read(path).map(drop)
+}
+
+fn fit_state(path: &Path) -> Result<()> {
+    FitState::read(path).map(drop)
+}
+
+fn as_it_is(bytes: &[u8]) -> Vec<u8> {
+    bytes.to_vec()
+}
+
+fn text(path: &Path) -> Result<String> {
+    let bytes = std::fs::read(path).map_err(|e| Error::io(path, "reading", &e))?;
+    String::from_utf8(bytes).map_err(|_| bad("not UTF-8"))
+}
+
+fn bad(message: impl ToString) -> Error {
+    Error::new(Kind::BadData, "VGS-FUZ-001", message.to_string())
+}
+
+fn config(path: &Path) -> Result<()> {
+    let config: FitConfig = toml::from_str(&text(path)?).map_err(bad)?;
+    config.check()
+}
+
+fn config_seeds() -> Vec<Vec<u8>> {
+    vec![toml::to_string(&FitConfig::default()).expect("a configuration is TOML").into_bytes()]
+}
+
+fn session(path: &Path) -> Result<()> {
+    ViewState::read(path).map(drop)
+}
+
+fn session_seeds() -> Vec<Vec<u8>> {
+    let function = transfer::preset(transfer::PRESETS[0].name).expect("a preset").over([-1000.0, 2000.0]);
+    vec![ViewState::new(&function).text().expect("a session is TOML").into_bytes()]
+}
+
+fn settings(path: &Path) -> Result<()> {
+    Settings::read(Some(path.to_owned())).map(drop)
+}
+
+fn settings_seeds() -> Vec<Vec<u8>> {
+    vec![b"notice_seen = true\nrecent = [\"/home/a/b.ply\", \"c.vgs\"]\n".to_vec()]
+}
+
+fn camera(path: &Path) -> Result<()> {
+    let file: CameraFile = serde_json::from_str(&text(path)?).map_err(bad)?;
+    file.camera(1.0).map(drop)
+}
+
+fn camera_seeds() -> Vec<Vec<u8>> {
+    vec![br#"{"eye_mm": [0, -300, 20], "target_mm": [0, 0, 0], "up": [0, 0, 1], "fov_deg": 30}"#.to_vec()]
+}
