@@ -26,6 +26,13 @@
 
 pub mod fidelity;
 
-pub use ::{fit, gpu, image, passes, render, splat, transfer, volume};
-pub use ::base::{Error, Kind, Result, error, input, memory, names, output, unit};
-pub use ::render::budget;
+pub use base::{Error, Kind, Result, error, input, memory, names, output, unit};
+pub use fit;
+pub use gpu;
+pub use image;
+pub use passes;
+pub use render;
+pub use render::budget;
+pub use splat;
+pub use transfer;
+pub use volume;

@@ -234,20 +234,20 @@ fn front_files_lie_in_their_folders() {
 fn forbidden_arrows_are_found() {
     let view = Mapped::read("tools/view/src");
     let row = |user: &str| view.table.get(user).cloned().unwrap_or_default();
-    assert!(row("viewer").contains("canvas") && row("panels").contains("editor"));
-    for (user, used) in [("state", "viewer"), ("panels", "canvas"), ("editor", "state"), ("loader", "app")] {
+    assert!(row("viewer").contains("screen") && row("panels").contains("model"));
+    for (user, used) in [("model", "viewer"), ("panels", "screen"), ("io", "panels"), ("app", "viewer")] {
         assert!(!row(user).contains(used), "the map must not let {user} use {used}");
     }
     for (file, text, expected) in [
-        ("state/state.rs", "use crate::viewer::Viewer;", 1),
-        ("state/state.rs", "use crate::orbit::Orbit; // crate::viewer", 0),
-        ("state/state.rs", "use super::super::viewer::Viewer;", 1),
-        ("state/mod.rs", "use super::viewer::Viewer;", 1),
-        ("state/state.rs", "use super::viewer::Viewer; use super::super::super::viewer;", 0),
-        ("editor/curve/points.rs", "fn f() -> crate::state::ViewState {}", 1),
-        ("editor/mod.rs", "use crate::{transfer, app::{App, Key}, state};", 2),
-        ("editor/widget.rs", "use crate::{\n    state,\n};", 1),
-        ("panels/cut.rs", "use crate::canvas::Canvas; use crate::editor::Editor;", 1),
+        ("model/orbit.rs", "use crate::viewer::Viewer;", 1),
+        ("model/orbit.rs", "use crate::model::Orbit; // crate::viewer", 0),
+        ("model/orbit.rs", "use super::super::viewer::Viewer;", 1),
+        ("model/mod.rs", "use super::viewer::Viewer;", 1),
+        ("model/orbit.rs", "use super::viewer::Viewer; use super::super::super::viewer;", 0),
+        ("panels/editor/curve.rs", "fn f() -> crate::screen::Canvas {}", 1),
+        ("io/mod.rs", "use crate::{panels, app::{App, Key}, model};", 2),
+        ("panels/editor/widget.rs", "use crate::{\n    screen,\n};", 1),
+        ("panels/cut.rs", "use crate::screen::Canvas; use crate::model::Orbit;", 1),
     ] {
         let files = [(format!("tools/view/src/{file}"), text.to_owned())];
         let found = view.forbidden(&files);

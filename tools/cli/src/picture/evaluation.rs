@@ -8,6 +8,7 @@ use engine::gpu::Gpu;
 use engine::splat::SplatSet;
 
 use super::sheet;
+use super::solid::Solids;
 use super::subject::Subject;
 use crate::shared::figures::psnr;
 use crate::shared::inputs::Case;
@@ -55,5 +56,6 @@ pub fn draw(
             i / (nx * ny)
         )
     }));
-    sheet::write(path, force, &subject, title, &lines)
+    let solids = Solids::new(gpu, set, case, &subject, sheet::SOLID)?;
+    sheet::write(path, force, &subject, &solids, title, &lines)
 }

@@ -15,8 +15,6 @@ use super::subject::{Subject, diverging, grey};
 const GAP: usize = 16;
 const MARGIN: usize = 24;
 const WIDTH: usize = 2 * MARGIN + 3 * PANEL + 2 * GAP;
-/// Greatest height of a shaded view, pixels.
-const SOLID_HEIGHT: usize = 560;
 /// Width of a colour bar, pixels.
 const BAR: usize = 260;
 
@@ -24,15 +22,24 @@ const BACKGROUND: Colour = [20, 21, 24];
 const TEXT: Colour = [235, 235, 235];
 const DIM_TEXT: Colour = [166, 172, 182];
 
+/// Width of a shaded view, and its greatest height, pixels.
+pub const SOLID: [usize; 2] = [(WIDTH - 2 * MARGIN - GAP) / 2, 560];
+
 /// Draws the picture and writes it as PNG. `title` is its first line, `lines` are the ones below.
-pub fn write(path: &Path, force: bool, subject: &Subject, title: &str, lines: &[String]) -> Result<()> {
-    let canvas = compose(subject, title, lines);
+pub fn write(
+    path: &Path,
+    force: bool,
+    subject: &Subject,
+    solids: &Solids,
+    title: &str,
+    lines: &[String],
+) -> Result<()> {
+    let canvas = compose(subject, solids, title, lines);
     write_atomic(path, force, |out| canvas.write_png(out))
 }
 
-fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
-    let solid_width = (WIDTH - 2 * MARGIN - GAP) / 2;
-    let solids = Solids::new(subject, solid_width, SOLID_HEIGHT);
+fn compose(subject: &Subject, solids: &Solids, title: &str, lines: &[String]) -> Canvas {
+    let solid_width = SOLID[0];
     let (rows, scale) = slices::layout(subject);
 
     let head = MARGIN + 30 + 22 * lines.len() + 14;
@@ -73,7 +80,8 @@ fn compose(subject: &Subject, title: &str, lines: &[String]) -> Canvas {
         diverging(2.0 * t as f32 - 1.0)
     });
 
-    let solid_names = [format!("{} in the region", subject.name), "splats".to_owned()];
+    let seen = solids.transfer();
+    let solid_names = [format!("{} in the region, {seen}", subject.name), format!("splats, {seen}")];
     for (i, name) in solid_names.iter().enumerate() {
         let x = MARGIN + i * (solid_width + GAP);
         canvas.text([x + solid_width / 2, solids_top - 26], WORDS, Align::Middle, TEXT, name);

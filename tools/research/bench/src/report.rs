@@ -28,6 +28,21 @@ impl Table {
         self.rows.iter().for_each(|r| text += &line(r));
         text
     }
+
+    /// Returns the table as comma-separated values.
+    pub fn csv(&self) -> String {
+        let cell = |text: &str| {
+            let quoted = text.contains([',', '"', '\n']);
+            if quoted { format!("\"{}\"", text.replace('"', "\"\"")) } else { text.to_owned() }
+        };
+        let line =
+            |cells: &mut dyn Iterator<Item = &str>| cells.map(cell).collect::<Vec<_>>().join(",") + "\n";
+        let mut text = line(&mut self.columns.iter().copied());
+        for row in &self.rows {
+            text += &line(&mut row.iter().map(String::as_str));
+        }
+        text
+    }
 }
 
 /// Files that tables are written to, besides the terminal.

@@ -35,14 +35,15 @@ use self::plan::{Effort, Plan};
 use self::results::Results;
 use self::section::Section;
 use bench::progress::{all_done, carry_out};
+use bench::report::Table;
 use bench::store::Store;
 
 #[derive(Args)]
 #[command(after_help = "\
 A run is a fit of one row with one profile, measured with all splats on the grid every 50 iterations, mini-batches every 250. \
 Each finished run is a file in OUT/runs, named by case, mask, splats, profile and a hash of all settings and the device: \
-what is there is not run again, and a run that is stopped (Ctrl-C) is the only one lost. OUT/paper.md, OUT/paper.csv \
-(every measurement) and OUT/psnr-time.svg are written anew after each run. A changed program does not change the hash: \
+what is there is not run again, and a run that is stopped (Ctrl-C) is the only one lost. The tables as CSV, \
+OUT/paper.csv (every measurement) and OUT/psnr-time.svg are written anew after each run. A changed program does not change the hash: \
 repeat with --force, or choose another folder.
 
 Examples:
@@ -111,7 +112,7 @@ pub fn run(options: &GpuOptions, a: &PaperArguments) -> Result<()> {
     let failed = Runner { options, judge: &judge, library: &mut library, report: &report }
         .all(&missing, &mut results)?;
     println!("{}", report.markdown(&results));
-    eprintln!("written: {}", store.file("paper.md").display());
+    eprintln!("written: {}", store.file("paper.csv").display());
     all_done(&failed, missing.len(), "runs")
 }
 
@@ -161,39 +162,49 @@ struct PaperReport<'a> {
 }
 
 impl PaperReport<'_> {
-    fn markdown(&self, results: &Results) -> String {
-        let mut text = tables::preamble(self.effort, &self.device);
+    /// Returns the tables of all sections, each with the name of its file.
+    fn tables(&self, results: &Results) -> Vec<(&'static str, Table)> {
         let plan = self.plan;
+        let mut tables = Vec::new();
         if !plan.rows.is_empty() {
-            text += &tables::cases(&plan.rows);
+            tables.push(("cases", tables::cases(&plan.rows)));
         }
         for section in self.sections {
-            let made = match section {
-                Section::Table2 => tables::table_2(&plan.rows, results).markdown(),
-                Section::Table3 => self.baselines.clone().unwrap_or_default(),
-                Section::Table4 => tables::table_4(&plan.losses, results).markdown(),
-                Section::Table6 => tables::table_6(&plan.rows, results).markdown(),
-                Section::Ablation => studies::ablation(&plan.losses, results).markdown(),
-                Section::Density => studies::density(&plan.sweeps, results).markdown(),
+            match section {
+                Section::Table2 => tables.push(("table-2", tables::table_2(&plan.rows, results))),
+                Section::Table3 => {}
+                Section::Table4 => tables.push(("table-4", tables::table_4(&plan.losses, results))),
+                Section::Table6 => tables.push(("table-6", tables::table_6(&plan.rows, results))),
+                Section::Ablation => tables.push(("ablation", studies::ablation(&plan.losses, results))),
+                Section::Density => tables.push(("density", studies::density(&plan.sweeps, results))),
                 Section::Findings => {
-                    let fidelity = studies::fidelity(&plan.fidelity, results).markdown();
-                    format!("{fidelity}\n{}", studies::findings(&plan.findings, results).markdown())
+                    tables.push(("fidelity", studies::fidelity(&plan.fidelity, results)));
+                    tables.push(("findings", studies::findings(&plan.findings, results)));
                 }
                 Section::Reference => {
-                    let peers = peer::table(&plan.peers, results).markdown();
-                    format!("{peers}\n{}", peer::differences(&plan.differences, results).markdown())
+                    tables.push(("peers", peer::table(&plan.peers, results)));
+                    tables.push(("differences", peer::differences(&plan.differences, results)));
                 }
-            };
-            text += &format!("\n{made}");
+            }
         }
-        if !plan.rows.is_empty() {
-            text += "\n## PSNR over time\n\n![PSNR over the time of the fit](psnr-time.svg)\n";
+        tables
+    }
+
+    fn markdown(&self, results: &Results) -> String {
+        let mut text = tables::preamble(self.effort, &self.device);
+        for (_, table) in self.tables(results) {
+            text += &format!("\n{}", table.markdown());
+        }
+        if let Some(baselines) = &self.baselines {
+            text += &format!("\n{baselines}");
         }
         text
     }
 
     fn write(&self, results: &Results) -> Result<()> {
-        self.store.report("paper.md", &self.markdown(results))?;
+        for (name, table) in self.tables(results) {
+            self.store.report(&format!("{name}.csv"), &table.csv())?;
+        }
         self.store.report("paper.csv", &results.csv())?;
         if !self.plan.rows.is_empty() {
             self.store.report("psnr-time.svg", &plot::svg(&self.plan.rows, results)?)?;
