@@ -15,12 +15,15 @@ use glam::{DAffine3, DVec3, IVec3};
 use rayon::prelude::*;
 
 use crate::error::Result;
+use crate::fit::Problem;
 use crate::fit::errors::ErrorMap;
-use crate::fit::evaluate::{Evaluation, Metrics, Protocol, evaluate, evaluate_field};
+use crate::fit::evaluate::{
+    Evaluation, Metrics, Protocol, between_slices_of, evaluate, evaluate_field, with_slices,
+};
 use crate::gpu::Gpu;
 use crate::image::annotate::round_up;
 use crate::render::{Appearance, Decoded, Look, decode};
-use crate::splat::{Form, SplatSet};
+use crate::splat::{Form, Splat, SplatSet};
 use crate::volume::{Roi, Volume};
 
 /// The class of an error of 0; those of errors below come before it, those of errors above after it, and class 0
@@ -46,6 +49,32 @@ pub fn evaluate_decoded(
 ) -> Result<Evaluation> {
     let decoded = decode(gpu, set, 1.0)?;
     Ok(evaluate_field(decoded.in_voxels_of(volume, set.origin_mm), volume, roi, protocol))
+}
+
+/// Measures what is shown of the set of a fit, against the volume and region that it was made for: the decoded field if
+/// the splats were fitted for the voxels alone. `splats` are those of the fit (voxel space of the working grid, HU).
+///
+/// # Errors
+/// Returns the errors of [`decode`] and [`evaluate`](evaluate()), and an error if memory does not hold finer slices.
+pub fn evaluate_fitted(
+    gpu: &Gpu,
+    problem: &Problem<'_>,
+    set: &SplatSet,
+    splats: &[Splat],
+    (volume, roi): (&Volume, &Roi),
+    protocol: &Protocol,
+) -> Result<Evaluation> {
+    let between = between_slices_of(set, volume);
+    with_slices(volume, roi, between, protocol, |volume, roi, protocol| {
+        if set.form != Form::Field {
+            return evaluate_decoded(gpu, set, volume, roi, protocol);
+        }
+        // Splats of a working grid are converted to that of the volume, and those of a small file are not those of
+        // the fit. Others are there already, and need no conversion, which is not exact.
+        let converted = problem.has_own_grid() || set.rounding.is_some();
+        let there = converted.then(|| set.to_voxel(&volume.world_from_voxel));
+        evaluate(gpu, there.as_deref().unwrap_or(splats), &problem.field(), volume, roi, protocol)
+    })
 }
 
 /// Returns the colour of a difference from -1 to 1, red, green, blue from 0 to 1: blue below, white at, red above

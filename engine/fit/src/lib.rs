@@ -4,6 +4,7 @@
 //!
 //! | file | what it is |
 //! |---|---|
+//! | `plan` | the one way to fit: [`Order`], [`Plan`], [`Fitted`] |
 //! | `run`, `schedule` | the entry point: [`Problem`], [`Schedule`], and the observer of a fit ([`Watch`]) |
 //! | `config`, `unit` | every hyper-parameter, with its unit |
 //! | `profiles`, `qualities` | configurations with a name |
@@ -34,6 +35,7 @@ pub mod init;
 pub mod labels;
 mod pause;
 pub mod place;
+mod plan;
 mod profiles;
 mod qualities;
 mod rounding;
@@ -52,6 +54,7 @@ pub use exceptions::{Misclassified, with_part_of_mask};
 pub use fitter::{Fitter, Progress};
 pub use goal::Goal;
 pub use going::{Going, to_the_end};
+pub use plan::{Clock, Count, Fitted, Measure, Order, Plan, SizeLimit, Stage};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{DEFAULT_QUALITY, EARLY, QUALITIES, QualityPreset};
 pub use rounding::{ROUNDING_ITERATIONS, rounded_as_it_is};

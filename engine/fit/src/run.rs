@@ -1,9 +1,9 @@
 //! The entry point of a fit: from a volume and a region of interest to a splat set.
 //!
-//! [`run`] is one call. It builds a [`Problem`], which does everything that a [`FitConfig`] asks for: it puts
-//! volume and region on the working grid, places the first splats, follows the [`Schedule`], repeats steps
-//! whose buffers were too small, and makes the set. A [`Watch`] is told of the progress, may stop the fit and
-//! may keep intermediate states.
+//! [`run`] is one call, of an [`Order`] with neither labels nor limits. A [`Plan`] carries it out on a [`Problem`], which
+//! does everything that a [`FitConfig`] asks for: it puts volume and region on the working grid, places the first splats,
+//! follows the [`Schedule`], repeats steps whose buffers were too small, and makes the set. A [`Watch`] is told of the
+//! progress, may stop the fit and may keep intermediate states.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -13,12 +13,12 @@ use std::time::{Duration, Instant};
 use serde::{Deserialize, Serialize};
 
 use super::exceptions::{Misclassified, misclassified};
-use super::going::to_the_end;
 use super::init::InitConfig;
-use super::{FitConfig, FitState, Fitter, Goal, Progress, Scaling, Schedule};
+use super::plan::{Count, Fitted, Order, Plan, Stage};
+use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
 use base::error::{Error, Kind, Result};
 use base::memory;
-use gpu::Gpu;
+use gpu::{Gpu, PassTime};
 use splat::{Field, Grid, Splat, SplatSet};
 use volume::{Displacements, Roi, Volume};
 
@@ -76,24 +76,12 @@ pub fn run(
     config: &FitConfig,
     watch: impl FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<SplatSet> {
-    let mut problem = Problem::new(volume, roi, config)?;
-    let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
-    let goal = Goal::of(config, range, config.region_threshold);
-    if let Some(goal) = &goal {
-        let count = problem.count_for(gpu, goal, GOAL_MARGIN_DB, &mut |_| {}, &mut to_the_end)?;
-        problem = problem.of_count(count);
-    }
-    let start = Start::First(problem.first_splats()?);
     let mut watch = OnFigures { watch, stop: false };
-    let mut outcome = problem.run(gpu, start, problem.schedule(), &mut watch)?;
-    if let (Some(goal), End::Finished) = (&goal, &outcome.end) {
-        let mut surplus = |splats: &[Splat]| Ok(goal.surplus_of(&problem.at_voxels(gpu, goal, splats)?));
-        outcome.splats =
-            problem.brought_to_goal(gpu, outcome.splats, &mut surplus, &mut |_| {}, &mut to_the_end)?;
-    }
-    match outcome.end {
-        End::Failed(error) => Err(error),
-        End::Finished | End::Stopped => problem.finished_set(gpu, &outcome.splats, outcome.iterations),
+    let (plan, start) = Plan::new(gpu, Order::new(volume, roi, config), &mut watch)?;
+    let Fitted { set, outcome, lacking } = plan.run(start, &mut watch)?;
+    match (outcome.end, lacking) {
+        (End::Failed(error), _) | (_, Some(error)) => Err(error),
+        (End::Finished | End::Stopped, None) => Ok(set),
     }
 }
 
@@ -326,6 +314,7 @@ impl<'a> Problem<'a> {
             range: [low, high],
             frozen,
             device_bytes: gpu.memory_by_purpose(),
+            passes: gpu.take_profile(),
             end,
         })
     }
@@ -397,6 +386,20 @@ pub trait Watch {
         false
     }
 
+    /// Hears that a stage besides the iterations begins.
+    fn begin_stage(&mut self, _stage: Stage) {}
+
+    /// Hears how far the stage is, 0 to 1, and says whether it goes on; cut short, it takes the best so far.
+    fn going(&mut self, _done: f64) -> ControlFlow<()> {
+        if self.stops() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    /// Hears that the stage is over.
+    fn end_stage(&mut self) {}
+
+    /// Hears of the number of splats.
+    fn counted(&mut self, _count: &Count) {}
+
     /// Keeps the fit as it is. The fit calls this where [`Watch::keeps`] returns true, and a last time when
     /// [`Watch::stops`] has stopped it. Returns true if the fit should go on.
     fn keep(&mut self, _milestone: &mut Milestone<'_, '_>) -> Result<bool> {
@@ -447,6 +450,8 @@ pub struct Outcome {
     pub frozen: u32,
     /// Device memory by purpose at the end, bytes.
     pub device_bytes: std::collections::BTreeMap<&'static str, u64>,
+    /// Device time by pass, of the iterations alone.
+    pub passes: Vec<(String, PassTime)>,
     /// Reason for the end of the fit.
     pub end: End,
 }

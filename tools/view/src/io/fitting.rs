@@ -11,9 +11,8 @@ use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::{Duration, Instant};
 
-use engine::fit::labels::label;
 use engine::fit::{
-    Beginning, End, FitConfig, GOAL_MARGIN_DB, Goal, Milestone, Outcome, Problem, Progress, Start, Watch,
+    self, Beginning, End, FitConfig, Fitted, Goal, Milestone, Order, Outcome, Plan, Problem, Progress, Watch,
 };
 use engine::gpu::{Gpu, GpuOptions};
 use engine::splat::{self, Splat, SplatSet};
@@ -232,42 +231,19 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
         Error::new(Kind::NothingToDo, "VGS-VIEW-040", "the volume has no region to fit")
             .help("open a mask, or find the voxels of a threshold")
     })?;
-    let labels = labels
-        .clone()
-        .map(|labels| labels.with_slices(order.config.effective_between_slices(), volume))
-        .transpose()?;
-    let labelled = |mut set: SplatSet| {
-        if let Some(labels) = &labels {
-            label(&mut set, labels);
-        }
-        set
-    };
-    let mut problem = Problem::new(volume, roi, &order.config)?;
     tell.doing("starting the device");
     let gpu = Gpu::new(&order.gpu)?;
-    let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
-    if let Some(goal) = Goal::of(&order.config, range, order.config.region_threshold) {
-        let mut going = tell.going("finding the number of splats", || tell.shared.stops());
-        let count = problem.count_for(&gpu, &goal, GOAL_MARGIN_DB, &mut |_| {}, &mut going)?;
-        problem = problem.of_count(count);
-    }
-    tell.doing("placing the first splats");
-    let first = problem.first_splats()?;
+    let mut watch = Watching { tell, plan: None, begun: Instant::now(), told: None, span: 1.0, stage: None };
+    let request = Order { labels: labels.as_ref(), ..Order::new(volume, roi, &order.config) };
+    let (plan, start) = Plan::new(&gpu, request, &mut watch)?;
     if tell.shared.stops() {
         tell.news(News::Nothing);
         return Ok(());
     }
     tell.doing("preparing the device");
-    let mut watch = Watching {
-        tell,
-        problem: &problem,
-        labelled: &labelled,
-        begun: Instant::now(),
-        told: Instant::now(),
-        span: 1.0,
-    };
-    let Outcome { splats, iterations, seconds, end, .. } =
-        problem.run(&gpu, Start::First(first), problem.schedule(), &mut watch)?;
+    watch.plan = Some(&plan);
+    let Fitted { set, outcome, lacking: _ } = plan.run(start, &mut watch)?;
+    let Outcome { splats, iterations, seconds, end, .. } = outcome;
     tell.say(Report::Ended { iteration: iterations, seconds });
     let finished = matches!(end, End::Finished);
     if let End::Failed(error) = end {
@@ -276,21 +252,15 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
     if tell.shared.gone.load(Ordering::Relaxed) {
         return Ok(());
     }
-    if finished && let Err(error) = measure(order, &problem, &gpu, &splats, tell) {
+    if finished && let Err(error) = measure(order, plan.problem(), &gpu, &splats, tell) {
         tracing::warn!("the splats could not be measured: {error}");
     }
-    // A device that has failed cannot list the exceptions; the splats are there all the same.
-    let set = problem.finished_set(&gpu, &splats, iterations).unwrap_or_else(|error| {
-        tracing::warn!("the voxels where the splats miss the mask could not be listed: {error}");
-        problem.splat_set(&splats, iterations)
-    });
-    let set = labelled(set);
     tell.show(set.clone())?;
     while let Ok((path, force)) = kept.recv() {
         let gone = || tell.shared.gone.load(Ordering::Relaxed);
         let mut going = tell.going("rounding the splats for the file", gone);
-        let rounded = match finished && problem.is_rounded_in(&path) {
-            true => problem.rounded_set(&gpu, &splats, iterations, &mut going).map(|set| Some(labelled(set))),
+        let rounded = match finished && plan.problem().is_rounded_in(&path) {
+            true => plan.rounded_set(&splats, iterations, &mut going).map(Some),
             false => Ok(None),
         };
         let rounded = rounded.unwrap_or_else(|error| {
@@ -332,13 +302,25 @@ fn measure(
 /// Observer of the fit.
 struct Watching<'a> {
     tell: &'a Teller,
-    problem: &'a Problem<'a>,
-    labelled: &'a dyn Fn(SplatSet) -> SplatSet,
+    /// The fit, once it runs.
+    plan: Option<&'a Plan<'a>>,
     begun: Instant,
     /// Time of the last report.
-    told: Instant,
+    told: Option<Instant>,
     /// Width of the range that errors are told in, HU for CT.
     span: f64,
+    stage: Option<fit::Stage>,
+}
+
+impl Watching<'_> {
+    /// Returns true if it is time for a report.
+    fn is_due(&mut self) -> bool {
+        let due = self.told.is_none_or(|at| at.elapsed() >= TELL_EVERY);
+        if due {
+            self.told = Some(Instant::now());
+        }
+        due
+    }
 }
 
 impl Watch for Watching<'_> {
@@ -349,10 +331,21 @@ impl Watch for Watching<'_> {
     }
 
     fn step(&mut self, iteration: u32, _share: f64) {
-        if self.told.elapsed() >= TELL_EVERY {
-            self.told = Instant::now();
+        if self.is_due() {
             self.tell.say(Report::Progress { iteration, seconds: self.begun.elapsed().as_secs_f64() });
         }
+    }
+
+    fn begin_stage(&mut self, stage: fit::Stage) {
+        self.stage = Some(stage);
+        self.tell.doing(stage.text());
+    }
+
+    fn going(&mut self, done: f64) -> ControlFlow<()> {
+        if let Some(stage) = self.stage.filter(|_| self.is_due()) {
+            self.tell.say(Report::Doing { what: stage.text(), share: Some(done) });
+        }
+        if self.stops() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
     }
 
     fn figures(&mut self, progress: &Progress) {
@@ -372,8 +365,9 @@ impl Watch for Watching<'_> {
     fn keep(&mut self, milestone: &mut Milestone<'_, '_>) -> Result<bool> {
         if !milestone.stopped {
             *self.tell.shared.wanted.lock().unwrap_or_else(PoisonError::into_inner) = None;
-            let set = self.problem.splat_set(milestone.splats, milestone.iteration);
-            self.tell.show((self.labelled)(set))?;
+            if let Some(plan) = self.plan {
+                self.tell.show(plan.quick_set(milestone.splats, milestone.iteration))?;
+            }
         }
         Ok(true)
     }

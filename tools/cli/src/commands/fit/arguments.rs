@@ -6,10 +6,9 @@ use std::time::Duration;
 
 use clap::Args;
 use engine::Result;
-use engine::fit::Schedule;
 
 use super::checkpoint::CheckpointArguments;
-use super::settings::{Settings, SettingsArguments};
+use super::settings::SettingsArguments;
 use crate::shared::flags::{DeviceArguments, Range, bytes, duration, range_or_roi};
 use crate::shared::inputs::{InputRecord, ReadArguments, RoiArguments};
 use crate::shared::splat_files::LayoutArguments;
@@ -105,16 +104,6 @@ impl FitArguments {
     /// Returns true if a flag that is none of the settings limits what the fit may cost.
     pub fn is_limited(&self) -> bool {
         self.time_budget.is_some() || self.max_size.is_some()
-    }
-
-    /// Returns the schedule of the fit, when `spent` has passed since the command began.
-    pub fn schedule(&self, settings: &Settings, spent: Duration) -> Schedule {
-        // The default number of iterations is meant for fits without a clock.
-        let iterations = match self.time_budget {
-            Some(_) if !settings.is_explicit("iterations") => u32::MAX,
-            _ => settings.config.iterations,
-        };
-        Schedule { iterations, time: self.time_budget.map(|t| t.saturating_sub(spent)) }
     }
 
     /// Returns the records of the input files.

@@ -10,8 +10,8 @@ use engine::fit::{EARLY, Fitter, Goal, QualityPreset, ROUNDING_ITERATIONS, Sched
 use engine::gpu::Gpu;
 use engine::splat::{self, Splat, SplatSet};
 
+use super::count;
 use super::prepare::Prepared;
-use super::{count, settle};
 use crate::report::estimate::{Estimate, VoxelErrors};
 use crate::shared::waiting::Waiting;
 
@@ -75,7 +75,7 @@ impl Rates {
 }
 
 /// Fit that is estimated.
-pub struct Plan<'a> {
+pub struct Trying<'a> {
     /// Device object other than that of the fit, so that memory is counted separately ...
     pub gpu: &'a Gpu,
     /// ... and one for the closing evaluation.
@@ -90,9 +90,10 @@ pub struct Plan<'a> {
 }
 
 /// Measures what a fit will cost.
-pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
-    let Plan { gpu, prepared, first, begun, .. } = plan;
-    let Prepared { problem, case, settings, goal, .. } = prepared;
+pub fn estimate(plan: &Trying<'_>) -> Result<Estimate> {
+    let Trying { gpu, prepared, first, begun, .. } = plan;
+    let Prepared { plan: fit, case, settings, .. } = prepared;
+    let problem = fit.problem();
     let waiting = Waiting::on("trying the first iterations, to tell what the fit will cost");
     let mut rates = Rates { before: prepared.before.as_secs_f64(), ..Rates::default() };
     let splats = time_iterations(plan, &mut rates, &waiting)?;
@@ -100,7 +101,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     let finishing = Instant::now();
     let exceptions = problem.misclassified(gpu, &problem.splat_set(&splats, EARLY))?.exceptions;
     rates.finish = finishing.elapsed().as_secs_f64();
-    let mut set = prepared.first_set(&splats, settings.config.iterations);
+    let mut set = prepared.plan.first_set(&splats, settings.config.iterations);
     if set.rounding.is_some() {
         // A fit of its own behind each of the groups that are rounded, but the last.
         rates.finish += f64::from(ROUNDING_ITERATIONS) * rates.iteration + ROUNDING_FITS * rates.setup;
@@ -109,7 +110,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
     if let Some(protocol) = &prepared.protocol {
         rates.evaluation = evaluation_seconds(plan, &set, &splats, protocol)?;
     }
-    let iterations = rates.iterations(&prepared.schedule);
+    let iterations = rates.iterations(&fit.schedule());
     let looks = iterations / u32::try_from(problem.config().offset_count()).unwrap_or(1).max(LOOK_EVERY);
     Ok(Estimate {
         device: gpu.description().name.clone(),
@@ -119,7 +120,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
         iterations,
         seconds: rates.total(iterations, looks),
         before_seconds: rates.before,
-        trial_seconds: prepared.trial_seconds,
+        trial_seconds: fit.counted().as_secs_f64(),
         fit_seconds: rates.fit(iterations, looks),
         finish_seconds: rates.setup + rates.finish + rates.evaluation,
         seconds_per_iteration: rates.iteration,
@@ -127,7 +128,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
         file_bytes: file_bytes(plan, set)?,
         early,
         expected: expected(plan, early),
-        target: goal.as_ref().map(|goal| {
+        target: fit.goal().map(|goal| {
             let about = if count::is_aim(settings) { "about " } else { "" };
             format!("{about}{}", count::text(goal, case.volume.unit().text()))
         }),
@@ -138,7 +139,7 @@ pub fn estimate(plan: &Plan<'_>) -> Result<Estimate> {
 
 /// Returns the most device memory of trials, which have been on the device of the fit, of the fit and of the closing
 /// evaluation.
-fn peak_bytes(plan: &Plan<'_>) -> u64 {
+fn peak_bytes(plan: &Trying<'_>) -> u64 {
     let [fit, evaluation] = [plan.gpu, plan.gpu_of_evaluation].map(Gpu::peak_bytes);
     tracing::debug!("peaks: trials {}, fit {fit}, evaluation {evaluation}", plan.prepared.gpu.peak_bytes());
     let later = |bytes: u64, growth: f64| (bytes as f64 * growth) as u64;
@@ -150,12 +151,12 @@ fn peak_bytes(plan: &Plan<'_>) -> u64 {
 }
 
 /// Returns the bytes of the file, by the set of early splats.
-fn file_bytes(plan: &Plan<'_>, early: SplatSet) -> Result<u64> {
+fn file_bytes(plan: &Trying<'_>, early: SplatSet) -> Result<u64> {
     let Prepared { files, write, .. } = plan.prepared;
     let bare = SplatSet { exceptions: Vec::new(), ..early.clone() };
     let of = |set: &SplatSet| splat::file_bytes(&files.splats, set, write);
     let (bare, whole) = (of(&bare)?, of(&early)?);
-    let first = of(&plan.prepared.first_set(plan.first, 1))?;
+    let first = of(&plan.prepared.plan.first_set(plan.first, 1))?;
     tracing::debug!(
         "bytes: first {first}, early {bare}, with exceptions {whole}, of them {}",
         early.exceptions.len()
@@ -164,8 +165,9 @@ fn file_bytes(plan: &Plan<'_>, early: SplatSet) -> Result<u64> {
 }
 
 /// Measures the errors of early splats at the voxels.
-fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<VoxelErrors> {
-    let Prepared { problem, case, protocol, .. } = plan.prepared;
+fn errors(plan: &Trying<'_>, early: &[Splat]) -> Result<VoxelErrors> {
+    let Prepared { plan: fit, case, protocol, .. } = plan.prepared;
+    let problem = fit.problem();
     let there;
     let splats = if problem.has_own_grid() {
         there = problem.splat_set(early, EARLY).to_voxel(&case.volume.world_from_voxel);
@@ -181,11 +183,16 @@ fn errors(plan: &Plan<'_>, early: &[Splat]) -> Result<VoxelErrors> {
 
 /// Returns the time of the closing evaluation, seconds. It is measured with no grid between the voxels and with one,
 /// and all others cost the same.
-fn evaluation_seconds(plan: &Plan<'_>, set: &SplatSet, splats: &[Splat], protocol: &Protocol) -> Result<f64> {
+fn evaluation_seconds(
+    plan: &Trying<'_>,
+    set: &SplatSet,
+    splats: &[Splat],
+    protocol: &Protocol,
+) -> Result<f64> {
     let timed = |offsets: &[[f32; 3]]| -> Result<f64> {
         let begin = Instant::now();
         let protocol = Protocol { offsets: offsets.to_vec(), ..protocol.clone() };
-        settle::measure(plan.prepared, plan.gpu_of_evaluation, set, splats, &protocol)?;
+        plan.prepared.measure(plan.gpu_of_evaluation, set, splats, &protocol)?;
         Ok(begin.elapsed().as_secs_f64())
     };
     // The first time kernels are compiled, as in the fit.
@@ -199,11 +206,11 @@ fn evaluation_seconds(plan: &Plan<'_>, set: &SplatSet, splats: &[Splat], protoco
 const LOOK_EVERY: u32 = 16;
 
 /// Runs and times the fit's first iterations; returns the splats after [`EARLY`] of them.
-fn time_iterations(plan: &Plan<'_>, rates: &mut Rates, waiting: &Waiting) -> Result<Vec<Splat>> {
+fn time_iterations(plan: &Trying<'_>, rates: &mut Rates, waiting: &Waiting) -> Result<Vec<Splat>> {
     let setup = Instant::now();
-    let mut fitter = plan.prepared.problem.fitter(plan.gpu, plan.begin)?;
+    let mut fitter = plan.prepared.plan.problem().fitter(plan.gpu, plan.begin)?;
     rates.setup = setup.elapsed().as_secs_f64();
-    let schedule = Schedule { time: None, ..plan.prepared.schedule };
+    let schedule = Schedule { time: None, ..plan.prepared.plan.schedule() };
     let run = |fitter: &mut Fitter<'_>, count: u32| -> Result<f64> {
         let begin = Instant::now();
         fitter.run_to(fitter.iteration() + count, schedule)?;
@@ -236,8 +243,9 @@ fn time_iterations(plan: &Plan<'_>, rates: &mut Rates, waiting: &Waiting) -> Res
 
 /// Returns the errors to expect. With a target they are that, and what it says of the other figure by their ratio in
 /// the early splats; else they are known for an unchanged quality.
-fn expected(plan: &Plan<'_>, early: VoxelErrors) -> Option<VoxelErrors> {
-    let Prepared { settings, goal, .. } = plan.prepared;
+fn expected(plan: &Trying<'_>, early: VoxelErrors) -> Option<VoxelErrors> {
+    let Prepared { settings, plan: fit, .. } = plan.prepared;
+    let goal = fit.goal();
     match goal {
         Some(goal) => expected_of_goal(goal, early),
         None => settings.plain_quality().map(|quality| expected_of_quality(quality, early)),

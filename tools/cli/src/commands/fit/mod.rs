@@ -6,8 +6,7 @@
 //! | `run` | the command, stage by stage: prepare, estimate, fit, evaluate, report |
 //! | `stages` | estimate, fit, evaluate |
 //! | `prepare` | the first stage: reads, chooses and checks |
-//! | `count` | how many splats there are: what a target takes, and what a file of limited size holds |
-//! | `settle` | the set that a fit makes, with more or fewer splats where it misses its target or size |
+//! | `count` | words for how many splats a target takes |
 //! | `doubts` | what is probably not meant, told or asked about first |
 //! | `explain` | estimates what the fit will cost, by its first iterations |
 //! | `watch` | watches the fit: progress, signals; `checkpoint`: files written on the way |
@@ -24,7 +23,6 @@ mod prepare;
 mod reporting;
 mod run;
 mod settings;
-mod settle;
 mod stages;
 mod watch;
 

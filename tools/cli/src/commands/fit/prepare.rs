@@ -3,22 +3,23 @@
 use std::time::{Duration, Instant};
 
 use engine::Result;
-use engine::fit::evaluate::{self, Protocol};
-use engine::fit::labels::label;
-use engine::fit::{FitConfig, Goal, Going, IntensityRange, Problem, Schedule, Start};
+use engine::fidelity;
+use engine::fit::evaluate::{self, Evaluation, Protocol};
+use engine::fit::{Clock, FitConfig, Goal, IntensityRange, Order, Plan, SizeLimit, Start};
 use engine::gpu::Gpu;
-use engine::splat::{Field, Rounding, Splat, SplatSet, WriteOptions};
+use engine::splat::{self, Splat, SplatSet, WriteOptions};
 use engine::volume::Labels;
 
 use super::arguments::FitArguments;
 use super::checkpoint::Checkpoints;
-use super::count;
 use super::output_files::OutputFiles;
 use super::settings::Settings;
+use super::watch::Stages;
 use crate::shared::console::Console;
 use crate::shared::evaluation::{EVAL_SEED, unweighted};
 use crate::shared::flags::Range;
 use crate::shared::inputs::Case;
+use crate::shared::signals::Signals;
 
 /// Inputs of a fit.
 pub struct Inputs {
@@ -49,33 +50,22 @@ pub struct Prepared<'a> {
     pub files: &'a OutputFiles,
     /// Volume and region as they were read.
     pub case: &'a Case,
-    labels: Option<Labels>,
-    /// Problem of the fit: volume and region on the working grid, with the hyper-parameters for it.
-    pub problem: Problem<'a>,
+    /// The fit.
+    pub plan: Plan<'a>,
     /// Checkpoints of the fit.
     pub checkpoints: Checkpoints,
     /// Device of the fit.
     pub gpu: Gpu,
-    /// Field that the splats add up to.
-    pub field: Field,
     /// Options with which the splats are written.
     pub write: WriteOptions<'static>,
     /// Protocol of the closing evaluation, if there is one.
     pub protocol: Option<Protocol>,
-    /// Protocol of measuring at the voxels alone.
-    pub at_voxels: Protocol,
-    /// Error that the fit is to reach, if there is one.
-    pub goal: Option<Goal>,
-    /// Schedule of the fit.
-    pub schedule: Schedule,
     /// Time when the command began.
     pub start: Instant,
     /// Seconds from `start` until the inputs were read and the device was ready.
     pub read_seconds: f64,
     /// Seconds that finding the number of splats took, and placing the first ones.
     pub initialise_seconds: f64,
-    /// Seconds that finding the number alone took.
-    pub trial_seconds: f64,
     /// Time from the start until all of this was ready.
     pub before: Duration,
 }
@@ -86,6 +76,7 @@ pub fn prepare<'a>(
     settings: &'a Settings,
     files: &'a OutputFiles,
     inputs: &'a Inputs,
+    signals: &Signals,
     console: &Console,
     start: Instant,
 ) -> Result<(Prepared<'a>, Start)> {
@@ -106,88 +97,73 @@ pub fn prepare<'a>(
     let initialising = Instant::now();
     let config = &settings.config;
     let protocol = protocol(arguments, config, case)?;
+    let at_voxels = Protocol { offsets: Vec::new(), ..protocol.clone() };
     let goal = Goal::of(config, protocol.range, protocol.threshold);
-    let problem = Problem::new(&case.volume, &case.roi, config)?;
-    let mut trial_seconds = 0.0;
-    let (problem, begin) = match interrupted {
-        Some(interrupted) => (problem, Start::Interrupted(interrupted)),
-        None => {
-            let problem = match &goal {
-                Some(goal) => count::for_goal(problem, &gpu, goal, arguments, console, start)?,
-                None => problem,
-            };
-            trial_seconds = initialising.elapsed().as_secs_f64();
-            let (problem, first) = count::placed(problem, settings, arguments, &write, start)?;
-            (problem, Start::First(first))
-        }
+    let device = gpu.clone();
+    let others_count = config.has_goal() || ["splats", "density"].iter().any(|key| settings.is_explicit(key));
+    let order = Order {
+        labels: inputs.labels.as_ref(),
+        goal,
+        measure: Some(Box::new(move |problem, set, splats| {
+            Ok(fidelity::evaluate_fitted(
+                &device,
+                problem,
+                set,
+                splats,
+                (&case.volume, &case.roi),
+                &at_voxels,
+            )?
+            .on_grid)
+        })),
+        rounded: splat::rounds(&arguments.output),
+        size: arguments.max_size.map(|bytes| SizeLimit {
+            bytes,
+            fill: !others_count,
+            bytes_of: Box::new(move |set| splat::file_bytes(&files.splats, set, &write)),
+        }),
+        clock: arguments.time_budget.map(|time| Clock {
+            begun: start,
+            time,
+            // The default number of iterations is meant for fits without a clock.
+            iterations: if settings.is_explicit("iterations") { config.iterations } else { u32::MAX },
+        }),
+        interrupted,
+        ..Order::new(&case.volume, &case.roi, config)
     };
+    let unit = case.volume.unit().text();
+    let (plan, begin) = Plan::new(&gpu, order, &mut Stages::new(signals, console, goal, unit))?;
     let initialise_seconds = initialising.elapsed().as_secs_f64();
 
     warn_of_kernel(&write, config);
-    let before = start.elapsed();
     let prepared = Prepared {
         arguments,
         settings,
         files,
         case,
-        labels: inputs
-            .labels
-            .clone()
-            .map(|labels| labels.with_slices(config.effective_between_slices(), &case.volume))
-            .transpose()?,
-        field: problem.field(),
-        problem,
+        plan,
         checkpoints,
         gpu,
         write,
-        at_voxels: Protocol { offsets: Vec::new(), ..protocol.clone() },
         protocol: (!arguments.no_eval).then_some(protocol),
-        goal,
-        schedule: arguments.schedule(settings, before),
         start,
         read_seconds,
         initialise_seconds,
-        trial_seconds,
-        before,
+        before: start.elapsed(),
     };
     Ok((prepared, begin))
 }
 
 impl Prepared<'_> {
-    /// Returns true if the splats are rounded for a small file and fitted again.
-    pub fn is_rounded(&self) -> bool {
-        count::is_rounded(&self.problem, self.arguments)
-    }
-
-    /// Returns first splats of the fit, given in its voxel space, as a file stores them.
-    pub fn first_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
-        let rounding = self.is_rounded().then(|| Rounding::coarse(splats));
-        self.labelled(SplatSet { rounding, ..self.problem.splat_set(splats, iterations) })
-    }
-
-    /// Returns fitted splats as [`Prepared::set`] does, rounded and fitted again; `None` if the device has
-    /// failed.
-    pub fn rounded_set(&self, splats: &[Splat], iterations: u32, going: &mut Going<'_>) -> Option<SplatSet> {
-        let rounded = self.problem.rounded_set(&self.gpu, splats, iterations, going);
-        let failed = |error| tracing::warn!("the rounded splats could not be fitted again: {error}");
-        Some(self.labelled(rounded.map_err(failed).ok()?))
-    }
-
-    /// Returns fitted splats, given in the voxel space of the fit, as a file stores them. If the device has
-    /// failed, the exceptions are missing.
-    pub fn set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
-        let finished = self.problem.finished_set(&self.gpu, splats, iterations).unwrap_or_else(|error| {
-            tracing::warn!("the voxels where the splats miss the mask could not be listed: {error}");
-            self.problem.splat_set(splats, iterations)
-        });
-        self.labelled(finished)
-    }
-
-    fn labelled(&self, mut set: SplatSet) -> SplatSet {
-        if let Some(labels) = &self.labels {
-            label(&mut set, labels);
-        }
-        set
+    /// Measures the field of a set that is shown, by `protocol`, on a device.
+    pub fn measure(
+        &self,
+        gpu: &Gpu,
+        set: &SplatSet,
+        splats: &[Splat],
+        protocol: &Protocol,
+    ) -> Result<Evaluation> {
+        let of = (&self.case.volume, &self.case.roi);
+        fidelity::evaluate_fitted(gpu, self.plan.problem(), set, splats, of, protocol)
     }
 }
 

@@ -63,7 +63,7 @@ fn timings(
     Timings {
         read: prepared.read_seconds,
         initialise: prepared.initialise_seconds,
-        trials: prepared.trial_seconds,
+        trials: prepared.plan.counted().as_secs_f64(),
         calibrate: estimate.map(|estimate| estimate.calibration_seconds).unwrap_or_default(),
         fit: fitted.outcome.seconds,
         evaluate: evaluated.seconds,
@@ -98,7 +98,7 @@ fn results(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated, timi
 /// Returns by how much the fit is better than its target, dB, if it has one and was measured.
 fn surplus(prepared: &Prepared<'_>, evaluated: &Evaluated) -> Option<f64> {
     let evaluation = evaluated.evaluation.as_ref()?;
-    Some(prepared.goal?.surplus_of(&evaluation.on_grid))
+    Some(prepared.plan.goal()?.surplus_of(&evaluation.on_grid))
 }
 
 /// What a fit may miss of a target that it only aims at without a warning, dB: half as much again.
@@ -106,7 +106,7 @@ const AIM_DB: f64 = 3.5;
 
 /// Warns of a target that the fit has missed.
 fn warn_of_target(prepared: &Prepared<'_>, evaluated: &Evaluated) {
-    let Some((goal, db)) = prepared.goal.as_ref().zip(surplus(prepared, evaluated)) else { return };
+    let Some((goal, db)) = prepared.plan.goal().zip(surplus(prepared, evaluated)) else { return };
     let target = count::text(goal, prepared.case.volume.unit().text());
     if count::is_aim(prepared.settings) {
         if db < -AIM_DB {
@@ -125,7 +125,8 @@ fn record<'a>(
     estimate: Option<CheckedEstimate>,
     results: &'a FitResults,
 ) -> Result<RunRecord<'a>> {
-    let Prepared { arguments, settings, case, problem, gpu, .. } = prepared;
+    let Prepared { arguments, settings, case, plan, gpu, .. } = prepared;
+    let problem = plan.problem();
     let (end, error) = match &outcome.end {
         End::Finished => ("finished", None),
         End::Stopped => ("stopped", None),

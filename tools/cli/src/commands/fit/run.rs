@@ -25,7 +25,7 @@ pub fn run(arguments: &FitArguments, console: &Console) -> Result<u8, Stop> {
     let inputs = Inputs::read(arguments)?;
     let settings = settings.for_volume(inputs.case().volume.is_ct());
     doubts::tell(arguments, &settings, inputs.case(), console)?;
-    let (prepared, begin) = prepare(arguments, &settings, &files, &inputs, console, start)?;
+    let (prepared, begin) = prepare(arguments, &settings, &files, &inputs, &signals, console, start)?;
     let estimate = estimate(&prepared, &begin, console)?;
     if arguments.dry_run {
         return Ok(0);

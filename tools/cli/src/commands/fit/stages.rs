@@ -4,13 +4,13 @@ use std::time::Instant;
 
 use engine::Result;
 use engine::fit::evaluate::Evaluation;
-use engine::fit::{End, Outcome, Start};
+use engine::fit::{self, End, Outcome, Start};
 use engine::splat::SplatSet;
 
+use super::explain;
 use super::output_files::OutputFiles;
 use super::prepare::Prepared;
 use super::watch::FitWatch;
-use super::{explain, settle};
 use crate::picture;
 use crate::report::estimate::{self, Estimate};
 use crate::report::record::PassRecord;
@@ -28,7 +28,7 @@ pub fn estimate(prepared: &Prepared<'_>, begin: &Start, console: &Console) -> Re
     };
     let begun = Instant::now();
     let [gpu, gpu_of_evaluation] = [arguments.device.boot()?, arguments.device.boot()?];
-    let estimate = explain::estimate(&explain::Plan {
+    let estimate = explain::estimate(&explain::Trying {
         gpu: &gpu,
         gpu_of_evaluation: &gpu_of_evaluation,
         prepared,
@@ -64,20 +64,13 @@ const OVERRUN: f64 = 0.1;
 
 /// Fits the splats and writes them.
 pub fn fit(prepared: &Prepared<'_>, begin: Start, signals: &Signals, console: &Console) -> Result<Fitted> {
-    let mut outcome = {
+    let fitted = {
         let mut watch = FitWatch::new(prepared, signals, console);
-        prepared.problem.run(&prepared.gpu, begin, prepared.schedule, &mut watch)?
+        prepared.plan.run(begin, &mut watch)?
     };
-    let passes = PassRecord::list(prepared.gpu.take_profile());
-    if outcome.frozen > 0 {
-        tracing::warn!("{} updates of splats were left out: a gradient was not finite", outcome.frozen);
-    }
+    let fit::Fitted { set, mut outcome, lacking: _ } = fitted;
+    let passes = PassRecord::list(std::mem::take(&mut outcome.passes));
     let finished = matches!(outcome.end, End::Finished);
-    let set = if finished {
-        settle::settled(prepared, &mut outcome, signals, console)?
-    } else {
-        prepared.set(&outcome.splats, outcome.iterations)
-    };
     let files = prepared.files.after(&outcome.end);
     let writing = Waiting::on(format!("writing {}", files.splats.display()));
     match (splat_files::write(&files.splats, &set, &prepared.write), outcome.end) {
@@ -131,8 +124,7 @@ pub fn evaluate(prepared: &Prepared<'_>, fitted: &Fitted, signals: &Signals) -> 
     let evaluating = Instant::now();
     let finished = matches!(fitted.outcome.end, End::Finished) && signals.exit_code().is_none();
     let waiting = Waiting::on("measuring the splats");
-    let measured =
-        |protocol| settle::measure(prepared, &prepared.gpu, &fitted.set, &fitted.outcome.splats, protocol);
+    let measured = |protocol| prepared.measure(&prepared.gpu, &fitted.set, &fitted.outcome.splats, protocol);
     let evaluation = prepared.protocol.as_ref().filter(|_| finished).map(measured).transpose()?;
     drop(waiting);
     if let (Some(path), Some(evaluation)) = (&prepared.files.picture, &evaluation) {

@@ -1,17 +1,92 @@
 //! Watches a fit: shows progress, stops it on signals, and writes checkpoints on the way.
 
-use engine::Result;
-use engine::fit::{Beginning, Milestone, Progress, Watch};
+use std::ops::ControlFlow;
 
+use engine::Result;
+use engine::fit::{Beginning, Count, Goal, Milestone, Progress, Stage, Trial, Watch};
+
+use super::count::text;
 use super::prepare::Prepared;
 use crate::shared::console::Console;
+use crate::shared::figures::bytes;
 use crate::shared::progress::Display;
 use crate::shared::signals::Signals;
 use crate::shared::waiting::Waiting;
 
+/// Tells of the stages of a fit besides its iterations, and ends them on signals.
+pub struct Stages<'a> {
+    signals: &'a Signals,
+    console: &'a Console,
+    goal: Option<Goal>,
+    /// Text behind an intensity.
+    unit: &'static str,
+    waiting: Option<Waiting>,
+}
+
+impl<'a> Stages<'a> {
+    /// Creates a watch for a fit with this goal.
+    pub fn new(signals: &'a Signals, console: &'a Console, goal: Option<Goal>, unit: &'static str) -> Self {
+        Stages { signals, console, goal, unit, waiting: None }
+    }
+
+    fn target(&self) -> String {
+        self.goal.map(|goal| text(&goal, self.unit)).unwrap_or_default()
+    }
+}
+
+impl Watch for Stages<'_> {
+    fn begin_stage(&mut self, stage: Stage) {
+        // One is over before the next tells of itself.
+        self.waiting = None;
+        self.waiting = Some(Waiting::on(stage.text()));
+    }
+
+    fn going(&mut self, done: f64) -> ControlFlow<()> {
+        if let Some(waiting) = &self.waiting {
+            waiting.at(done);
+        }
+        if self.stops() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn end_stage(&mut self) {
+        self.waiting = None;
+    }
+
+    fn counted(&mut self, count: &Count) {
+        let target = self.target();
+        let told = match *count {
+            Count::Tried(trial) => {
+                let Trial { splats, surplus_db } = trial;
+                return tracing::info!("{splats} splats would be {surplus_db:+.1} dB from the target");
+            }
+            Count::Found { splats, most, trials } => {
+                let limited = match splats > most {
+                    true => format!("; {most} are the most there may be"),
+                    false => String::new(),
+                };
+                let trials = match trials {
+                    1 => "a short trial".to_owned(),
+                    _ => format!("{trials} short trials"),
+                };
+                format!("for {target}: about {splats} splats, by {trials}{limited}")
+            }
+            Count::MissedGoal { splats } => format!("not yet {target}: fitting again with {splats} splats"),
+            Count::TooLarge { splats, bytes: size, most } => {
+                format!("{} are more than {}: fitting again with {splats} splats", bytes(size), bytes(most))
+            }
+        };
+        self.console.say(&told);
+    }
+
+    fn stops(&mut self) -> bool {
+        self.signals.exit_code().is_some()
+    }
+}
+
 /// Watches one fit.
 pub struct FitWatch<'a> {
     prepared: &'a Prepared<'a>,
+    stages: Stages<'a>,
     signals: &'a Signals,
     console: &'a Console,
     display: Option<Display>,
@@ -27,7 +102,9 @@ impl<'a> FitWatch<'a> {
     /// Creates a watch for a fit.
     pub fn new(prepared: &'a Prepared<'a>, signals: &'a Signals, console: &'a Console) -> Self {
         let waiting = Some(Waiting::on("preparing the device for the fit"));
-        FitWatch { prepared, signals, console, display: None, span: 1.0, waiting, saved: 0 }
+        let unit = prepared.case.volume.unit().text();
+        let stages = Stages::new(signals, console, prepared.plan.goal().copied(), unit);
+        FitWatch { prepared, stages, signals, console, display: None, span: 1.0, waiting, saved: 0 }
     }
 }
 
@@ -41,7 +118,7 @@ impl Watch for FitWatch<'_> {
             0 => String::new(),
             _ => format!("going on after {iterations} iterations: "),
         };
-        let problem = &self.prepared.problem;
+        let problem = self.prepared.plan.problem();
         let (voxels, unit) = (problem.roi().voxel_count(), problem.volume().unit().text());
         self.console.say(&format!(
             "{before}fitting {splats} splats to {voxels} voxels; errors on the way are root mean squares, and dB are PSNR \
@@ -59,12 +136,30 @@ impl Watch for FitWatch<'_> {
 
     fn figures(&mut self, progress: &Progress) {
         if let Some(display) = &mut self.display {
-            display.figures(progress, self.span, self.prepared.problem.volume().unit().text());
+            display.figures(progress, self.span, self.prepared.plan.problem().volume().unit().text());
         }
     }
 
     fn stops(&mut self) -> bool {
-        self.signals.exit_code().is_some()
+        self.stages.stops()
+    }
+
+    fn begin_stage(&mut self, stage: Stage) {
+        // The iterations are over.
+        self.display = None;
+        self.stages.begin_stage(stage);
+    }
+
+    fn going(&mut self, done: f64) -> ControlFlow<()> {
+        self.stages.going(done)
+    }
+
+    fn end_stage(&mut self) {
+        self.stages.end_stage();
+    }
+
+    fn counted(&mut self, count: &Count) {
+        self.stages.counted(count);
     }
 
     fn keeps(&self, iteration: u32) -> bool {
@@ -75,7 +170,7 @@ impl Watch for FitWatch<'_> {
         let checkpoints = &self.prepared.checkpoints;
         let state = milestone.fitter.state()?;
         if self.keeps(milestone.iteration) {
-            let set = self.prepared.set(milestone.splats, milestone.iteration);
+            let set = self.prepared.plan.set_on_the_way(milestone.splats, milestone.iteration);
             checkpoints.write_splats(&set, milestone.iteration)?;
             self.saved = milestone.iteration;
         }
