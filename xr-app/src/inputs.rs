@@ -122,7 +122,7 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
     if let Content::Splats(splats) = &content {
         // The mode of the first quality level, in which objects may have functions of their own.
         let usual = SplatKind::of(&splats.set).usual_mode();
-        state.mode = SplatMode::ALL.into_iter().find(|mode| mode.name() == usual).unwrap_or(state.mode);
+        state.mode = SplatMode::named(usual).unwrap_or(state.mode);
         if let Some(usual) = UsualLook::of(&splats.set).filter(|_| !has_session && wanted.tf.is_none()) {
             state.take_usual_look(&usual);
         }

@@ -3,6 +3,7 @@
 //! | module | what it is |
 //! |---|---|
 //! | `error` | [`Error`]: what happened, to which file, and what to do about it |
+//! | `figures` | bytes, seconds and dates as people read them |
 //! | `input`, `output` | opening of files that a user names; files that appear whole or not at all |
 //! | `memory` | how much of the host there is; asked before what a flag or a file sizes is taken |
 //! | `names` | the name that a mistyped one stands for |
@@ -10,6 +11,7 @@
 #![forbid(unsafe_code)]
 
 pub mod error;
+pub mod figures;
 pub mod input;
 pub mod memory;
 pub mod names;

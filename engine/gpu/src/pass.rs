@@ -5,7 +5,6 @@ use bytemuck::Pod;
 use shaders_glsl::Shader;
 
 use super::bindings::Bindings;
-use super::hazards::Resident;
 use super::{Buffer, Image, Kernel, Recorder};
 
 impl Recorder {
@@ -25,13 +24,6 @@ pub struct Pass<'a> {
     kernel: &'a Kernel,
     bindings: Bindings,
     push: Vec<u8>,
-}
-
-/// The number of workgroups.
-enum Groups {
-    Of([u32; 3]),
-    /// A buffer from which the number is read, and the byte at which it lies.
-    From(vk::Buffer, u64),
 }
 
 impl<'a> Pass<'a> {
@@ -121,33 +113,22 @@ impl<'a> Pass<'a> {
             "{name}: {groups:?} workgroups are too many"
         );
         if !groups.contains(&0) {
-            self.record(Groups::Of(groups));
+            self.record(groups);
         }
-    }
-
-    /// Records the pass; when it runs, `counts[index]` is its number of workgroups.
-    pub fn dispatch_indirect(self, counts: &Buffer<[u32; 3]>, index: usize) {
-        assert!(index < counts.len(), "{}: no such row", counts.name());
-        let handle = counts.handle();
-        self.record(Groups::From(handle, (index * size_of::<[u32; 3]>()) as u64));
     }
 
     /// Checks that everything is bound, and records the pass.
-    fn record(self, groups: Groups) {
-        let Pass { recorder, kernel, mut bindings, push } = self;
+    fn record(self, groups: [u32; 3]) {
+        let Pass { recorder, kernel, bindings, push } = self;
         let shader = kernel.shader;
         assert_eq!(bindings.bound.len(), shader.bindings.len(), "{}: a resource is missing", shader.name);
         assert_eq!(push.len(), shader.push_bytes, "{}: push constants differ in size", shader.name);
-        if let Groups::From(buffer, _) = groups {
-            recorder.hazards.graphics = true;
-            bindings.accesses.push((Resident::Buffer(buffer), false));
-        }
         let Some(way) = recorder.way(kernel.pipeline.set_layout) else { return };
         recorder.touch(&bindings.accesses);
         recorder.timed(shader.name, vk::PipelineStageFlags2::COMPUTE_SHADER, |context, commands| {
             let device = &context.device;
             // SAFETY: recording; pipeline, layout and resources are live, the reflected layout matches what
-            // is pushed, and indirect counts lie in a buffer made for them.
+            // is pushed.
             unsafe {
                 device.cmd_bind_pipeline(commands, vk::PipelineBindPoint::COMPUTE, kernel.pipeline.handle);
                 bindings.record(
@@ -161,10 +142,8 @@ impl<'a> Pass<'a> {
                     let stages = vk::ShaderStageFlags::COMPUTE;
                     device.cmd_push_constants(commands, kernel.pipeline.layout, stages, 0, &push);
                 }
-                match groups {
-                    Groups::Of([x, y, z]) => device.cmd_dispatch(commands, x, y, z),
-                    Groups::From(buffer, offset) => device.cmd_dispatch_indirect(commands, buffer, offset),
-                }
+                let [x, y, z] = groups;
+                device.cmd_dispatch(commands, x, y, z);
             }
         });
     }

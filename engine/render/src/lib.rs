@@ -71,7 +71,7 @@ pub use gpu_volume::{GpuVolume, VolumeSource};
 pub use intensities::Intensities;
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use mode::Mode;
-pub use modes::{MODES, ModeRow, mode};
+pub use modes::{MEANWHILE, MODES, ModeRow, Needs, StepOf, mode};
 pub use object_change::{ObjectChange, hex_colour};
 pub use part::Part;
 pub use quality::Quality;

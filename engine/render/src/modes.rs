@@ -1,7 +1,9 @@
 //! The table of the ways to render a scene.
 
 use super::alpha::Alpha;
+use super::gpu_splats::GpuSplats;
 use super::mode::Mode;
+use super::quality_levels::SplatKind;
 use super::raymarch::Raymarch;
 use super::scene::Scene;
 use super::settings::Settings;
@@ -26,8 +28,48 @@ pub struct ModeRow {
     pub gradient_opacity: bool,
     /// [`Settings::step`] of a finished picture.
     pub step: f64,
+    /// What the step is a distance of; `None` if users have no choice of it.
+    pub step_of: Option<StepOf>,
+    /// What splats must have on the device before the mode shows them at once.
+    pub needs: Needs,
+    /// The splats whose quality levels keep it within a frame budget.
+    pub levels: SplatKind,
     make: fn(&Gpu, &Scene, &Settings) -> Result<Box<dyn Mode>>,
 }
+
+/// What the step of a mode is a distance of, and in what unit.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum StepOf {
+    /// Samples along a ray, in voxel edges.
+    Samples,
+    /// Slabs of splats, in [`GpuSplats::sigma_mm`](super::GpuSplats::sigma_mm).
+    Slabs,
+}
+
+/// What splats must have on the device before a mode shows them at once.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Needs {
+    /// Nothing but themselves.
+    Splats,
+    /// Their faces and points ([`GpuSplats::preparation`](super::GpuSplats::preparation)).
+    Faces,
+    /// Their decoded field ([`GpuSplats::decoding`](super::GpuSplats::decoding)).
+    DecodedField,
+}
+
+impl Needs {
+    /// Returns true if splats have it; the field at this pitch ([`Settings::pitch`]).
+    pub fn are_met(self, splats: &GpuSplats, pitch: f64) -> bool {
+        match self {
+            Needs::Splats => true,
+            Needs::Faces => splats.has_faces(),
+            Needs::DecodedField => splats.has_decoded(pitch),
+        }
+    }
+}
+
+/// The mode in which splats are shown while what another one [needs](Needs) is made.
+pub const MEANWHILE: &str = "slab";
 
 impl ModeRow {
     /// Creates the mode. Fails if the scene lacks what the mode renders.
@@ -56,6 +98,9 @@ pub static MODES: [ModeRow; 5] = [
         occlusion: true,
         gradient_opacity: true,
         step: 0.2,
+        step_of: Some(StepOf::Samples),
+        needs: Needs::Splats,
+        levels: SplatKind::Grid,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -66,6 +111,9 @@ pub static MODES: [ModeRow; 5] = [
         occlusion: false,
         gradient_opacity: false,
         step: 1.0,
+        step_of: None,
+        needs: Needs::Splats,
+        levels: SplatKind::Field,
         make: |gpu, scene, settings| Ok(Box::new(Slab::exact(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -76,6 +124,9 @@ pub static MODES: [ModeRow; 5] = [
         occlusion: false,
         gradient_opacity: false,
         step: 0.5,
+        step_of: Some(StepOf::Slabs),
+        needs: Needs::Splats,
+        levels: SplatKind::Field,
         make: |gpu, scene, settings| Ok(Box::new(Slab::new(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -86,6 +137,9 @@ pub static MODES: [ModeRow; 5] = [
         occlusion: true,
         gradient_opacity: true,
         step: 0.2,
+        step_of: Some(StepOf::Samples),
+        needs: Needs::DecodedField,
+        levels: SplatKind::Grid,
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
     },
     ModeRow {
@@ -96,6 +150,9 @@ pub static MODES: [ModeRow; 5] = [
         occlusion: false,
         gradient_opacity: false,
         step: 1.0,
+        step_of: None,
+        needs: Needs::Faces,
+        levels: SplatKind::Coloured,
         make: |gpu, scene, settings| Ok(Box::new(Alpha::new(gpu, scene, settings)?)),
     },
 ];

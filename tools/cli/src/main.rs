@@ -53,11 +53,14 @@ enum Command {
     Eval(commands::eval::EvalArguments),
     Rasterize(commands::rasterize::RasterizeArguments),
     Render(Box<commands::render::RenderArguments>),
+    #[cfg(feature = "window")]
     View(commands::view::ViewArguments),
+    #[cfg(feature = "window")]
     Pack(commands::pack::PackArguments),
     Compare(commands::compare::CompareArguments),
     Stats(commands::stats::StatsArguments),
     Info(commands::info::InfoArguments),
+    #[cfg(feature = "window")]
     Convert(commands::convert::ConvertArguments),
     /// Lists the Vulkan devices of this machine
     Devices,
@@ -81,11 +84,14 @@ fn main() -> ExitCode {
             Command::Eval(arguments) => commands::eval::run(&arguments, &console),
             Command::Rasterize(arguments) => commands::rasterize::run(&arguments, &console),
             Command::Render(arguments) => commands::render::run(&arguments, &console),
+            #[cfg(feature = "window")]
             Command::View(arguments) => commands::view::run(&arguments, start),
+            #[cfg(feature = "window")]
             Command::Pack(arguments) => commands::pack::run(&arguments, &console),
             Command::Compare(arguments) => commands::compare::run(&arguments, &console),
             Command::Stats(arguments) => commands::stats::run(&arguments, &console),
             Command::Info(arguments) => commands::info::run(&arguments, &console),
+            #[cfg(feature = "window")]
             Command::Convert(arguments) => commands::convert::run(&arguments, &console),
             Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
             Command::Explain(arguments) => commands::explain::run(&arguments, &console),

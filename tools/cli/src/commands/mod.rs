@@ -2,6 +2,7 @@
 
 pub mod compare;
 pub mod completions;
+#[cfg(feature = "window")]
 pub mod convert;
 pub mod devices;
 pub mod eval;
@@ -9,9 +10,11 @@ pub mod explain;
 pub mod fit;
 pub mod info;
 pub mod man;
+#[cfg(feature = "window")]
 pub mod pack;
 pub mod phantom;
 pub mod rasterize;
 pub mod render;
 pub mod stats;
+#[cfg(feature = "window")]
 pub mod view;

@@ -2,7 +2,7 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-use view::model::figures::utc;
+use engine::figures::utc;
 
 /// Returns the current time, as 2026-01-31T12:00:00Z.
 pub fn now() -> String {

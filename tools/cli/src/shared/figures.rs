@@ -1,6 +1,6 @@
 //! Formats figures, for people as text and tables, for scripts in JSON.
 
-pub use view::model::figures::{bytes, seconds};
+pub use engine::figures::{bytes, seconds};
 
 /// Formats a PSNR. Over an empty range it is infinite without meaning anything, which the text says.
 pub fn psnr(value: f64, [low, high]: [f32; 2]) -> String {

@@ -22,9 +22,7 @@ studies paper --help
   studies trade fit ct.nii.gz --roi bones.nii.gz    what a fit's accuracy costs; studies trade fit --help
   studies trade render --data DIR     what a picture's accuracy costs, and the quality levels \
 of the frame budget
-  studies model fit *.ply --out DIR   what a frame costs, from the work that it is made of; \
-studies model fit --help
-  studies model headset *.ply --out DIR    what a standalone headset would take for it
+  studies model *.ply --out DIR       what a standalone headset would take for a frame
   studies soak --minutes 60           whether memory stays as it is"
 )]
 struct StudiesArguments {
@@ -42,9 +40,7 @@ enum Study {
     /// What accuracy costs, of fits and of pictures, and where the front is.
     #[command(subcommand)]
     Trade(trade::TradeStudy),
-    /// What a frame costs, from the work that it is made of, here and on devices that are not at hand.
-    #[command(subcommand)]
-    Model(model::ModelStudy),
+    Model(model::ModelArguments),
     Soak(soak::SoakArguments),
 }
 
@@ -58,8 +54,7 @@ fn run(arguments: &StudiesArguments) -> Result<()> {
         Study::Paper(a) => paper::run(&options, a),
         Study::Trade(trade::TradeStudy::Fit(a)) => trade::fit::run(&options, a),
         Study::Trade(trade::TradeStudy::Render(a)) => trade::render::run(&options, a),
-        Study::Model(model::ModelStudy::Fit(a)) => model::fit(&Gpu::new(&options)?, a),
-        Study::Model(model::ModelStudy::Headset(a)) => model::headset(&Gpu::new(&options)?, a),
+        Study::Model(a) => model::run(&Gpu::new(&options)?, a),
         Study::Soak(a) => soak::run(&options, a),
     }
 }

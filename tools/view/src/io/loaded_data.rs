@@ -351,7 +351,7 @@ mod tests {
         assert_eq!(modes(&data, &state), ["decoded", "decoded", "volume"]);
         assert_eq!(data.take(loaded(300.0, Form::Field)).expect("taken"), Some(Subject::Beside));
         assert!(data.has(Subject::Beside) && !data.has(Subject::Splats));
-        state.mode = SplatMode::Exact;
+        state.mode = SplatMode::named("exact").expect("a mode");
         assert_eq!(modes(&data, &state), ["exact", "exact", "volume"]);
         assert_eq!(data.range(), [300.0, 300.0]);
         data.take(loaded(300.0, Form::Grid { binary: false })).expect("taken");

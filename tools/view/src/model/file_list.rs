@@ -5,7 +5,7 @@ use std::time::{SystemTime, UNIX_EPOCH};
 
 use egui::{Align, Button, Layout, ScrollArea, Ui, vec2};
 
-use crate::model::figures::{bytes, utc};
+use engine::figures::{bytes, utc};
 
 /// Greatest number of entries of a folder that are listed.
 const MOST: usize = 1000;

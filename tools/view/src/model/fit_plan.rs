@@ -6,7 +6,7 @@ use engine::Result;
 use engine::fit::{FitConfig, Profile, QualityPreset};
 use engine::splat::{self, Splat, SplatSet, WriteOptions};
 
-use crate::model::figures::seconds;
+use engine::figures::seconds;
 
 /// Number of splats that stand for a file when the bytes of one are counted.
 const COUNTED: usize = 1000;

@@ -9,12 +9,10 @@
 //! | `cube`, `slices`, `pick`, `histogram` | the patient's sides, planes through the data, what is under the cursor, counts |
 //! | `panel_info`, `thumbnails` | what panels are told anew for each frame |
 //! | `series`, `file_list`, `system_dialog` | series to choose from, files to choose from, what the dialog of the desktop is asked |
-//! | `figures` | words for numbers |
 
 pub mod actions;
 pub mod cube;
 pub mod deletions;
-pub mod figures;
 pub mod file_list;
 pub mod fit_plan;
 pub mod histogram;

@@ -8,12 +8,12 @@ use engine::fit::{PROFILES, QUALITIES};
 use super::slices::Shade;
 use super::widgets::{ask, row};
 use crate::model::actions::Action;
-use crate::model::figures::{bytes, seconds};
 use crate::model::fit_plan::{FitStatus, Stage, config, ply_bytes, usual_profile};
 use crate::model::panel_info::PanelInfo;
 use crate::model::region::{Region, Threshold};
 use crate::model::state::Files;
 use crate::panels::theme::SIGNAL;
+use engine::figures::{bytes, seconds};
 
 /// Greatest radius of the ball that closes gaps, mm: that of [`engine::volume::Cleaning`].
 const MAX_CLOSE_MM: f64 = 50.0;

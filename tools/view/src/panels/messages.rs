@@ -6,8 +6,8 @@ use std::time::Instant;
 use egui::{Area, Context, Frame, Id, Order, Rect, RichText, ScrollArea, Ui, Window, vec2};
 use engine::Error;
 
-use crate::model::figures;
 use crate::panels::theme::SIGNAL;
+use engine::figures;
 
 /// Greatest number of messages that are kept, and of those that are shown at a time.
 const MOST: [usize; 2] = [50, 3];

@@ -17,7 +17,7 @@ use super::widgets::colour_button;
 use crate::model::actions::Action;
 use crate::model::deletions::{Deletion, Target};
 use crate::model::panel_info::PanelInfo;
-use crate::model::state::{Object, ViewState, mode_row};
+use crate::model::state::{Object, ViewState};
 use crate::model::transfer::Transfer;
 use crate::panels::theme::SIGNAL;
 
@@ -163,7 +163,7 @@ fn take_usual_look(state: &mut ViewState, info: &PanelInfo<'_>) {
 /// vanish without a sign.
 fn unseen(state: &ViewState, info: &PanelInfo<'_>) -> Vec<Option<String>> {
     let scene = state.transfer.function().ok();
-    let own_functions = mode_row(state.mode.name()).own_functions;
+    let own_functions = state.mode.own_functions;
     let words = |(i, object): (usize, &Object)| {
         let own = info.object_intensities.get(i)?;
         let [low, high] = own.middle_half().filter(|_| object.visible && object.opacity > 0.0)?;

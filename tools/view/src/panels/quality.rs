@@ -1,7 +1,7 @@
 //! Panel of mode and quality, and of the time that a frame may take.
 
 use egui::{DragValue, Slider, Ui};
-use engine::render::SplatKind;
+use engine::render::{Needs, SplatKind, StepOf};
 
 use super::widgets::{explained, row};
 use crate::model::actions::Action;
@@ -49,7 +49,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &
 /// Shows the modes that suit the splats; nothing if there are none, as for a volume alone.
 fn mode_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     let modes = info.modes();
-    let about = |mode: SplatMode| state::mode_row(mode.name()).about;
+    let about = |mode: SplatMode| mode.row().about;
     match modes[..] {
         [] => {}
         [mode] => {
@@ -61,11 +61,11 @@ fn mode_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                     "these splats were fitted for the voxels of their scan: other modes would show ghosts between them"
                 }
             };
-            row(ui, "Mode", why, |ui| ui.label(mode.name()).on_hover_text(format!("{}; {why}", about(mode))));
+            row(ui, "Mode", why, |ui| ui.label(mode.name).on_hover_text(format!("{}; {why}", about(mode))));
         }
         _ => row(ui, "Mode", "how splats are rendered", |ui| {
             for mode in modes {
-                ui.selectable_value(&mut state.mode, mode, mode.name()).on_hover_text(about(mode));
+                ui.selectable_value(&mut state.mode, mode, mode.name).on_hover_text(about(mode));
             }
         }),
     }
@@ -75,24 +75,23 @@ fn mode_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
 fn step_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     // What is seen of splats decides; a volume beside them follows.
     let of_splats = info.has(Subject::Splats) && (state.shown != Subject::Volume || state.split.is_some());
-    let mode = if of_splats { state.mode.name() } else { "volume" };
-    let (unit_mm, suffix, help) = match (of_splats, state.mode) {
-        (false, _) | (true, SplatMode::Decoded) => (
+    let mode = state::mode_row(if of_splats { state.mode.name } else { "volume" });
+    let (unit_mm, suffix, help) = match mode.step_of {
+        Some(StepOf::Samples) => (
             1.0,
             " voxels",
             "how far apart a ray looks at the data where something shows, in edges of a voxel: less is finer and slower",
         ),
-        (true, SplatMode::Slab) => match info.sigma_mm {
+        Some(StepOf::Slabs) => match info.sigma_mm {
             Some(mm) => {
                 (mm, " mm", "how thick the slabs are that a ray is cut into: less is finer and slower")
             }
             None => return,
         },
-        // Exact has the finest steps there are, alpha none.
-        (true, SplatMode::Exact | SplatMode::Alpha) => return,
+        None => return,
     };
     row(ui, "Step", help, |ui| {
-        let mut step = state.quality.step.unwrap_or(state::mode_row(mode).step) * unit_mm;
+        let mut step = state.quality.step.unwrap_or(mode.step) * unit_mm;
         let [least, most] = STEPS.map(|step| step * unit_mm);
         let slider = Slider::new(&mut step, least..=most).logarithmic(true).suffix(suffix).fixed_decimals(2);
         if ui.add(slider).changed() {
@@ -103,7 +102,7 @@ fn step_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
 
 /// Shows how many splats are drawn, in the modes that draw splats one by one.
 fn budget_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
-    let Some(splats) = info.splats.filter(|_| state.mode != SplatMode::Decoded) else { return };
+    let Some(splats) = info.splats.filter(|_| state.mode.needs != Needs::DecodedField) else { return };
     let budget = &mut state.quality.splat_budget;
     row(ui, "Splat budget", "most splats that are drawn", |ui| {
         let mut limited = budget.is_some();

@@ -11,7 +11,7 @@ use engine::render::{Renderer, Scene, Settings};
 use crate::io::loaded_data::LoadedData;
 use crate::model::orbit::Orbit;
 use crate::model::picture_options::PictureOptions;
-use crate::model::state::{SplatMode, Subject, ViewState, mode_row};
+use crate::model::state::{DECODED, Subject, ViewState, mode_row};
 use crate::panels::annotations::{Ink, Told};
 use crate::screen::overlay_image::{OverlayImage, put_over};
 
@@ -104,7 +104,7 @@ impl Export {
             let (scene, mode) = match error {
                 Some((scene, decoding)) => {
                     decoding(&mut |_| ())?;
-                    (Some(scene), SplatMode::Decoded.name())
+                    (Some(scene), DECODED)
                 }
                 None => {
                     let mode = self.data.mode_of(subject, &self.state);

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use engine::Result;
-use engine::render::Scene;
+use engine::render::{Needs, Scene};
 
 use super::shown_fit::{AskedFit, ShownFit};
 use super::viewer::{PITCH, Viewer, is_lost};
@@ -13,7 +13,7 @@ use crate::io::fitting::{FitOrder, Fitting, News};
 use crate::io::loader::LoadedSplats;
 use crate::model::actions::Action;
 use crate::model::fit_plan::{Stage, config};
-use crate::model::state::{SplatMode, Subject};
+use crate::model::state::Subject;
 use crate::screen::canvas::Canvas;
 
 /// Work without which the splats of a fit cannot be shown decoded.
@@ -158,7 +158,7 @@ impl Viewer {
             self.choose_mode(&splats.set);
         }
         match &scene.splats {
-            Some(on_device) if self.app.state.mode == SplatMode::Decoded => {
+            Some(on_device) if self.app.state.mode.needs == Needs::DecodedField => {
                 self.loader.prepare(DECODING, on_device.decoding(canvas.gpu(), PITCH)?);
                 canvas.set_next(Some(scene));
                 if let Some(shown) = &mut self.fit {

@@ -5,11 +5,11 @@ use std::time::Instant;
 
 use engine::Result;
 use engine::budget::Controller;
-use engine::render::{Quality, SplatKind, level_costs, quality_levels};
+use engine::render::{Quality, level_costs, quality_levels};
 
 use super::begun::{Begun, PictureTimes, REST};
 use super::viewer::Viewer;
-use crate::model::state::{SplatMode, Subject};
+use crate::model::state::{Subject, mode_row};
 use crate::screen::canvas::{self, Canvas, Overlay, render_setups};
 use crate::screen::rendered_scene::RenderSetup;
 
@@ -153,12 +153,7 @@ impl Viewer {
 
     /// Changes to the quality levels that belong to the mode that the user has chosen.
     fn choose_levels(&mut self) {
-        let kind = match self.app.state.mode {
-            _ if self.error_shown => SplatKind::Grid,
-            SplatMode::Decoded => SplatKind::Grid,
-            SplatMode::Alpha => SplatKind::Coloured,
-            SplatMode::Slab | SplatMode::Exact => SplatKind::Field,
-        };
+        let kind = mode_row(self.wanted_mode(Subject::Splats)).levels;
         if kind != self.kind {
             self.kind = kind;
             self.times = PictureTimes::default();

@@ -2,10 +2,10 @@
 //! shows, and what moves fast.
 
 use engine::Result;
-use engine::render::{GpuSplats, quality_levels};
+use engine::render::{GpuSplats, MEANWHILE, Needs, quality_levels};
 
 use super::viewer::{PITCH, Viewer};
-use crate::model::state::{SplatMode, Subject};
+use crate::model::state::{DECODED, Subject, mode_row};
 use crate::screen::canvas::Canvas;
 
 /// Returns the name of the work without which splats cannot be shown decoded.
@@ -17,7 +17,7 @@ impl Viewer {
     /// Returns the mode in which a subject is wanted at rest; the colours of the error are those of voxels.
     pub(super) fn wanted_mode(&self, subject: Subject) -> &'static str {
         match subject {
-            Subject::Splats if self.error_shown => SplatMode::Decoded.name(),
+            Subject::Splats if self.error_shown => DECODED,
             _ => self.data.mode_of(subject, &self.app.state),
         }
     }
@@ -26,13 +26,13 @@ impl Viewer {
     /// decoded that it needs.
     pub(super) fn chosen_mode(&mut self, canvas: &Canvas, subject: Subject) -> &'static str {
         let wanted = self.wanted_mode(subject);
-        let splats = canvas.splats_of(subject).filter(|_| wanted == SplatMode::Decoded.name());
+        let splats = canvas.splats_of(subject).filter(|_| mode_row(wanted).needs == Needs::DecodedField);
         let Some(splats) = splats else { return wanted };
         if splats.has_decoded(PITCH) {
             self.stale |= self.decoding.remove(&subject);
             return wanted;
         }
-        SplatMode::Slab.name()
+        MEANWHILE
     }
 
     /// Returns true if the mode in which a subject is wanted is still to come, and `chosen` is shown meanwhile.
@@ -44,7 +44,8 @@ impl Viewer {
     /// Returns true if a mode of the quality levels shows a subject rightly and can render it at once.
     pub(super) fn moves_in(&self, canvas: &Canvas, subject: Subject, mode: &str) -> bool {
         let is_right = self.own_mode(subject).is_none_or(|own| own == mode);
-        canvas.splats_of(subject).is_some_and(|splats| is_right && is_prepared(splats, mode))
+        let is_prepared = |splats: &GpuSplats| mode_row(mode).needs.are_met(splats, PITCH);
+        is_right && canvas.splats_of(subject).is_some_and(is_prepared)
     }
 
     /// Begins to decode the field of a subject, beside the window, unless that has begun before.
@@ -65,14 +66,17 @@ impl Viewer {
         }
         let own = self.own_mode(subject);
         let levels = quality_levels(self.kind);
-        let needs =
-            |mode| own.map_or_else(|| levels.iter().any(|level| level.mode == mode), |own| own == mode);
-        if needs("alpha") && !splats.has_faces() {
+        let needs = |what| {
+            let lacks = |mode| mode_row(mode).needs == what;
+            let any = own.map_or_else(|| levels.iter().any(|level| lacks(level.mode)), lacks);
+            any && !what.are_met(splats, PITCH)
+        };
+        if needs(Needs::Faces) {
             let job = splats.preparation(canvas.gpu())?;
             self.loader.prepare("making what moves fast", |_| job());
         }
-        if needs("decoded") && !splats.has_decoded(PITCH) {
-            if self.wanted_mode(subject) == SplatMode::Decoded.name() {
+        if needs(Needs::DecodedField) {
+            if mode_row(self.wanted_mode(subject)).needs == Needs::DecodedField {
                 self.decode(canvas, subject)?;
             } else if !self.decoding.contains(&subject) {
                 self.loader.prepare("decoding what moves fast", splats.decoding(canvas.gpu(), PITCH)?);
@@ -84,17 +88,8 @@ impl Viewer {
     /// Returns the only mode in which a subject may be shown. The user may show the first splats in every mode.
     fn own_mode(&self, subject: Subject) -> Option<&'static str> {
         match subject {
-            Subject::Splats => self.error_shown.then_some(SplatMode::Decoded.name()),
+            Subject::Splats => self.error_shown.then_some(DECODED),
             _ => self.data.own_mode_beside().filter(|_| subject == Subject::Beside),
         }
-    }
-}
-
-/// Returns true if a mode can render these splats at once.
-fn is_prepared(splats: &GpuSplats, mode: &str) -> bool {
-    match mode {
-        "alpha" => splats.has_faces(),
-        "decoded" => splats.has_decoded(PITCH),
-        _ => true,
     }
 }

@@ -2,11 +2,11 @@
 
 use egui::Context;
 use engine::Result;
-use engine::render::{Quality, Settings};
+use engine::render::{MEANWHILE, Quality, Settings};
 use engine::transfer::preset;
 
 use super::viewer::{PITCH, Viewer};
-use crate::model::state::{SplatMode, Subject, mode_row};
+use crate::model::state::{DECODED, Subject, mode_row};
 use crate::model::thumbnails::{SIZE, Seen};
 use crate::model::transfer::Transfer;
 use crate::screen::canvas::Canvas;
@@ -22,8 +22,8 @@ impl Viewer {
         let Some(scene) = canvas.scene_of(subject).filter(|_| !coloured) else { return Ok(false) };
         let mode = match subject {
             Subject::Volume => state.mode_of(subject),
-            _ if scene.scene.splats.as_ref().is_some_and(|s| s.has_decoded(PITCH)) => "decoded",
-            _ => SplatMode::Slab.name(),
+            _ if scene.scene.splats.as_ref().is_some_and(|s| s.has_decoded(PITCH)) => DECODED,
+            _ => MEANWHILE,
         };
         let Some(name) = self.thumbnails.next(Seen::of(state, self.data_number)) else { return Ok(false) };
         let mut by_preset = state.clone();

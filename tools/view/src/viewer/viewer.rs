@@ -360,10 +360,11 @@ impl Viewer {
 
     /// Chooses the only mode that shows these splats, if there is one.
     pub(super) fn choose_mode(&mut self, set: &SplatSet) {
-        let own = SplatKind::of(set).own_mode();
-        let Some(own) = SplatMode::ALL.into_iter().find(|mode| Some(mode.name()) == own) else { return };
-        if std::mem::replace(&mut self.app.state.mode, own) != own && own == SplatMode::Alpha {
-            self.app.done("These splats have colours and no intensity: mode alpha shows them");
+        let kind = SplatKind::of(set);
+        let Some(own) = kind.own_mode().and_then(SplatMode::named) else { return };
+        if std::mem::replace(&mut self.app.state.mode, own) != own && kind == SplatKind::Coloured {
+            self.app
+                .done(format!("These splats have colours and no intensity: mode {} shows them", own.name));
         }
     }
 

@@ -10,7 +10,7 @@ use std::path::{Path, PathBuf};
 
 use clap::{Arg, ArgMatches, Args, Command, FromArgMatches};
 use engine::fit::{DEFAULT_QUALITY, FitConfig, PROFILES, Profile, QUALITIES, QualityPreset};
-use engine::{Error, Kind, Result};
+use engine::{Error, Kind, Result, names};
 use serde_json::{Map, Value};
 
 use crate::shared::texts::text_of;
@@ -196,24 +196,7 @@ fn read_file(path: &Path) -> Result<Vec<(String, Value)>> {
 
 /// Returns the key that the user probably meant.
 fn nearest(key: &str) -> Option<&'static str> {
-    let key = key.replace('-', "_").to_lowercase();
-    let near = FitConfig::FIELDS.iter().map(|f| (distance(&key, f.key), f.key)).min()?;
-    (near.0 <= 1 + key.len() / 4).then_some(near.1)
-}
-
-/// Returns the Levenshtein distance of two words.
-fn distance(a: &str, b: &str) -> usize {
-    let mut row: Vec<usize> = (0..=b.chars().count()).collect();
-    for (i, ca) in a.chars().enumerate() {
-        let mut diagonal = row[0];
-        row[0] = i + 1;
-        for (j, cb) in b.chars().enumerate() {
-            let replaced = diagonal + usize::from(ca != cb);
-            diagonal = row[j + 1];
-            row[j + 1] = replaced.min(row[j] + 1).min(row[j + 1] + 1);
-        }
-    }
-    row[row.len() - 1]
+    names::nearest(&key.replace('-', "_"), FitConfig::FIELDS.iter().map(|field| field.key))
 }
 
 impl FromArgMatches for SettingsArguments {

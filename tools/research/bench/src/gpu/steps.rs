@@ -115,12 +115,6 @@ pub fn steps(has_data: bool, quick: bool) -> Vec<Step> {
             &["headset.md"],
         ),
         step(
-            "model",
-            "What the work of a frame costs",
-            vec![format!("studies model fit {} --out {{out}}/model{flag} {{device}}", files.join(" "))],
-            &["model/model.md"],
-        ),
-        step(
             "full",
             "Fits of full size",
             match (has_data, quick) {

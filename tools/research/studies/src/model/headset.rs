@@ -1,25 +1,24 @@
-//! `studies model headset`: counts the work of the frames of a standalone headset, and predicts what devices
+//! `studies model`: counts the work of the frames of a standalone headset, and predicts what devices
 //! that are not at hand would take for them.
 
 use std::fmt::Write;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use clap::Args;
 use engine::budget::budget_ms;
 use engine::gpu::Gpu;
 use engine::render::{QualityLevel, SplatKind, quality_levels};
 use engine::{Error, Kind, Result};
-use serde::{Deserialize, Serialize};
+use serde::Serialize;
 
 use super::device::Device;
-use super::fit::{device, run_missing};
 use super::plan::{Place, Shot, Sight, Unit, identity};
 use super::plot::{self, LevelRanges};
-use super::rates::{Errors, Rates};
-use super::shots::{Frame, Record};
+use super::shots::{Frame, Record, measure};
 use super::stages::STAGES;
 use crate::trade::render::Choice;
 use bench::cost::median;
+use bench::progress::{all_done, carry_out};
 use bench::store::Store;
 
 /// Refresh rates of the displays, Hz.
@@ -34,12 +33,10 @@ share of them that a program reaches that suits it badly to that of one that sui
 of a period. OUT/headset.md, headset.csv, headset.json and headset.svg are written anew after each file.
 
 Examples:
-  studies model headset bones-100k.ply bones-250k.ply --out model
-  studies model headset fits/*.ply --out model --rates model/model.json    with what they take here, \
-predicted and measured
-  studies model headset fits/*.ply --out model --devices mine.toml         \
+  studies model bones-100k.ply bones-250k.ply --out model
+  studies model fits/*.ply --out model --devices mine.toml         \
 tools/research/studies/src/model/devices explains it")]
-pub struct ModelHeadsetArguments {
+pub struct ModelArguments {
     /// The splats (PLY)
     #[arg(required = true)]
     splats: Vec<PathBuf>,
@@ -58,31 +55,19 @@ pub struct ModelHeadsetArguments {
     /// Devices besides those that come with the program (TOML)
     #[arg(long, value_delimiter = ',', value_name = "FILE,...")]
     devices: Vec<PathBuf>,
-    /// Rates of this device, as studies model fit has written them (JSON): tells how well they predict these
-    /// frames, too
-    #[arg(long, value_name = "FILE")]
-    rates: Option<PathBuf>,
     /// Counts again what is there
     #[arg(long)]
     force: bool,
 }
 
-/// Part of `model.json` that is read.
-#[derive(Deserialize)]
-struct Fitted {
-    device: String,
-    rates: Rates,
-}
-
 /// Renders the frames that have no results yet, counts their work, and writes the reports.
-pub fn run(gpu: &Gpu, a: &ModelHeadsetArguments) -> Result<()> {
+pub fn run(gpu: &Gpu, a: &ModelArguments) -> Result<()> {
     let store = Store::open(&a.out)?;
     let mut devices = Device::known();
     for path in &a.devices {
         devices.push(Device::read(path)?);
     }
     let here = device(gpu);
-    let fitted = a.rates.as_deref().map(|path| read_rates(path, &here)).transpose()?;
     let sizes = a.sizes.iter().map(|text| size(text)).collect::<Result<Vec<_>>>()?;
     let modelled = modelled();
     let shots: Vec<Shot> =
@@ -93,16 +78,14 @@ pub fn run(gpu: &Gpu, a: &ModelHeadsetArguments) -> Result<()> {
         let unit = Unit {
             file,
             contents,
-            splats: None,
-            sights: vec![Sight { transfer: a.tf.clone(), lit: true, integrated: false }],
-            places: a.distances.iter().map(|&share| Place::Before(share)).collect(),
+            sights: vec![Sight { transfer: a.tf.clone(), lit: true }],
+            places: a.distances.iter().map(|&share| Place(share)).collect(),
             shots: shots.clone(),
-            frames: 1,
             device: here.clone(),
         };
         units.push((unit, path.as_path()));
     }
-    let mut report = HeadsetReport { devices, here, fitted, sizes, records: Vec::new() };
+    let mut report = HeadsetReport { devices, here, sizes, records: Vec::new() };
     run_missing(gpu, &store, units, a.force, |record| {
         report.records.push(record);
         report.write(&store)
@@ -113,16 +96,41 @@ pub fn run(gpu: &Gpu, a: &ModelHeadsetArguments) -> Result<()> {
     Ok(())
 }
 
-fn read_rates(path: &std::path::Path, here: &str) -> Result<Rates> {
-    let text = std::fs::read_to_string(path).map_err(|e| Error::io(path, "reading", &e))?;
-    let bad = |message: String| Error::new(Kind::BadData, "VGS-BEN-043", message).file(path);
-    let fitted: Fitted = serde_json::from_str(&text).map_err(|e| bad(format!("these are no rates: {e}")))?;
-    let terms = fitted.rates.stages.iter().map(|s| (s.stage.as_str(), s.unit_ms.len()));
-    if fitted.device != here || !terms.eq(STAGES.iter().map(|s| (s.name, s.terms.len()))) {
-        return Err(bad(format!("these are the rates of {}, or of other stages", fitted.device))
-            .help("make them with this program on this device: studies model fit"));
+/// Loads the results of `units` from `store`, measures and saves those that are missing, or all of them with
+/// `force`, and calls `finished` with each.
+fn run_missing(
+    gpu: &Gpu,
+    store: &Store,
+    units: Vec<(Unit, &Path)>,
+    force: bool,
+    mut finished: impl FnMut(Record) -> Result<()>,
+) -> Result<()> {
+    let count = units.len();
+    let mut missing = Vec::new();
+    for (unit, path) in units {
+        match if force { None } else { store.load::<Record>(&unit.key())? } {
+            Some(record) => finished(record)?,
+            None => missing.push((unit.seconds(), (unit, path))),
+        }
     }
-    Ok(fitted.rates)
+    let left = missing.len();
+    eprintln!("{left} of {count} to do");
+    let failed = carry_out(
+        missing,
+        |(unit, _)| unit.file.clone(),
+        |(unit, path)| {
+            let record = measure(unit, path, gpu)?;
+            store.save(&record)?;
+            finished(record)
+        },
+    );
+    all_done(&failed, left, "files")
+}
+
+/// Returns the name, kind and driver of the device of `gpu`.
+fn device(gpu: &Gpu) -> String {
+    let device = gpu.description();
+    format!("{} ({}, {})", device.name, device.kind, device.driver)
 }
 
 fn size(text: &str) -> Result<[u32; 2]> {
@@ -155,7 +163,6 @@ fn shot(level: &QualityLevel, size: [u32; 2]) -> Shot {
 struct HeadsetReport {
     devices: Vec<Device>,
     here: String,
-    fitted: Option<Rates>,
     sizes: Vec<[u32; 2]>,
     records: Vec<Record>,
 }
@@ -176,8 +183,6 @@ struct Prediction<'a> {
     most: String,
     /// Measured time on the device that counted the work, ms.
     here_ms: f64,
-    /// Predicted time on that device, ms; `None` without its rates.
-    here_predicted_ms: Option<f64>,
     work: &'a super::work::Work,
 }
 
@@ -237,7 +242,6 @@ impl HeadsetReport {
                         format!("{}: {:?}", stage.name, time.limit)
                     }),
                     here_ms: frame.passes.values().sum(),
-                    here_predicted_ms: self.fitted.as_ref().map(|rates| rates.predict(&frame.work)),
                     work: &frame.work,
                 });
             }
@@ -256,31 +260,7 @@ impl HeadsetReport {
                 text.push('\n');
             }
         }
-        if let Some(errors) = self.extrapolation(&all) {
-            text += &format!(
-                "On {} these frames, none of which its rates were found from, took {:.2} times (geometric mean) what was predicted, \
-                 the middle one was off by {:.0} %, nine of ten by at most {:.0} %, {:.0} % of {} within 30 %.\n",
-                self.here,
-                1.0 / errors.bias,
-                100.0 * errors.median,
-                100.0 * errors.p90,
-                100.0 * errors.within,
-                errors.frames
-            );
-        }
         text
-    }
-
-    /// Returns the errors of rates from smaller pictures when they predict these frames on the device that
-    /// counted them; `None` if there are no rates or no frames.
-    fn extrapolation(&self, all: &[Prediction<'_>]) -> Option<Errors> {
-        let first = &self.devices.first()?.name;
-        let pairs: Option<Vec<(f64, f64)>> = all
-            .iter()
-            .filter(|p| p.device == first)
-            .map(|p| Some((p.here_predicted_ms?, p.here_ms)))
-            .collect();
-        Errors::of(&pairs?)
     }
 
     /// Returns the columns of a table: each size with each rounded number of splats, in ascending order of
@@ -340,13 +320,13 @@ impl HeadsetReport {
     fn csv(&self, all: &[Prediction<'_>]) -> String {
         let mut out = String::from(
             "device,file,splats,place,width,height,level,rendering,fast_ms,slow_ms,most,shown,pairs,wide_evaluations,evaluations,\
-             wide_samples,wide_gradients,samples,gradients,fragments,here_ms,here_predicted_ms\n",
+             wide_samples,wide_gradients,samples,gradients,fragments,here_ms\n",
         );
         for p in all {
             // Writing to a string cannot fail.
             let _ = writeln!(
                 out,
-                "\"{}\",{},{},{},{},{},{},\"{}\",{:.3},{:.3},{},{},{},{},{},{},{},{},{},{},{:.3},{}",
+                "\"{}\",{},{},{},{},{},{},\"{}\",{:.3},{:.3},{},{},{},{},{},{},{},{},{},{},{:.3}",
                 p.device,
                 p.file,
                 p.splats,
@@ -367,8 +347,7 @@ impl HeadsetReport {
                 p.work.narrow.samples,
                 p.work.narrow.gradients,
                 p.work.fragments,
-                p.here_ms,
-                p.here_predicted_ms.map(|ms| format!("{ms:.3}")).unwrap_or_default()
+                p.here_ms
             );
         }
         out

@@ -24,7 +24,7 @@ pub struct Frame {
     pub shot: Shot,
     /// Work of the frame.
     pub work: Work,
-    /// Device time of each pass, ms, in the middle one of the timed frames, in order of their total time.
+    /// Device time of each pass, ms, by name.
     pub passes: BTreeMap<String, f64>,
 }
 
@@ -48,10 +48,7 @@ impl Keep for Record {
 /// Renders all frames of a unit, whose splats are in the file `path`, counts their work and times their
 /// passes.
 pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
-    let mut set = splats_by_importance(path)?;
-    if let Some(count) = unit.splats {
-        set.truncate(count);
-    }
+    let set = splats_by_importance(path)?;
     let range = set.intensity_range().unwrap_or_default();
     let looks = unit.sights.iter().map(|s| s.look(range)).collect::<Result<Vec<_>>>()?;
     let Some(first) = looks.first() else {
@@ -64,16 +61,16 @@ pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
         for shot in &unit.shots {
             // One renderer at a time: their buffers are the largest there are.
             let mut timed = Vec::new();
-            let mut renderer = Renderer::new(gpu, mode(&shot.mode)?, &scene, &shot.settings(sight))?;
+            let mut renderer = Renderer::new(gpu, mode(&shot.mode)?, &scene, &shot.settings())?;
             for &place in &unit.places {
                 let cameras = place.cameras(&scene, shot.size, shot.views)?;
-                let passes = time(gpu, &mut renderer, &scene, &cameras, shot, unit.frames)?;
-                let mut work = begin(&scene, sight, shot);
+                let passes = time(gpu, &mut renderer, &scene, &cameras, shot)?;
+                let mut work = begin(&scene, shot);
                 work.add_lists(renderer.work()?);
                 timed.push((place, cameras, passes, work));
             }
             drop(renderer);
-            let settings = Settings { counting: true, precise: true, depth: false, ..shot.settings(sight) };
+            let settings = Settings { counting: true, precise: true, depth: false, ..shot.settings() };
             let mut counting = Renderer::new(gpu, mode(&shot.mode)?, &scene, &settings)?;
             for (place, cameras, passes, mut work) in timed {
                 counting.render_at(&scene, &cameras, &shot.quality())?;
@@ -88,7 +85,7 @@ pub fn measure(unit: &Unit, path: &Path, gpu: &Gpu) -> Result<Record> {
 }
 
 /// Returns the part of a frame's work that is known without counting.
-fn begin(scene: &Scene, sight: &Sight, shot: &Shot) -> Work {
+fn begin(scene: &Scene, shot: &Shot) -> Work {
     let [width, height] = shot.quality().size(shot.size).map(f64::from);
     Work {
         mode: shot.mode.clone(),
@@ -97,32 +94,22 @@ fn begin(scene: &Scene, sight: &Sight, shot: &Shot) -> Work {
         // Four halves, and a float of depth.
         pixel_bytes: if shot.depth { 12.0 } else { 8.0 },
         lit: scene.look().transfer.material.shade,
-        integrated: sight.integrated,
+        integrated: false,
         ..Work::default()
     }
 }
 
-/// Renders a frame `frames` times and returns the device time of each pass, ms, in the middle one of them, in
-/// order of their total time.
+/// Renders a frame and returns the device time of each pass, ms.
 fn time(
     gpu: &Gpu,
     renderer: &mut Renderer,
     scene: &Scene,
     cameras: &[Camera],
     shot: &Shot,
-    frames: usize,
 ) -> Result<BTreeMap<String, f64>> {
     // The first frame, which is not timed, creates kernels and makes room in buffers.
     renderer.render_at(scene, cameras, &shot.quality())?;
     gpu.take_profile();
-    let mut times: Vec<(f64, BTreeMap<String, f64>)> = Vec::new();
-    for _ in 0..frames {
-        renderer.render_at(scene, cameras, &shot.quality())?;
-        let passes: BTreeMap<String, f64> =
-            gpu.take_profile().into_iter().map(|(name, time)| (name, time.total_ms)).collect();
-        times.push((passes.values().sum(), passes));
-    }
-    times.sort_by(|a, b| a.0.total_cmp(&b.0));
-    let middle = times.len() / 2;
-    Ok(times.into_iter().nth(middle).unwrap_or_default().1)
+    renderer.render_at(scene, cameras, &shot.quality())?;
+    Ok(gpu.take_profile().into_iter().map(|(name, time)| (name, time.total_ms)).collect())
 }

@@ -31,6 +31,7 @@ const SQUARE: f64 = 4.0 / 5.196_152_4;
 /// Something that is done many times.
 pub struct Term {
     /// What one is.
+    #[cfg_attr(not(test), expect(dead_code, reason = "tests find a term by it"))]
     pub name: &'static str,
     /// How many there are in a frame, on a device of wide groups or of narrow ones.
     pub of: fn(&Work, bool) -> f64,
@@ -73,6 +74,7 @@ pub struct Stage {
     /// Modes that have it.
     pub modes: &'static [&'static str],
     /// Its passes, as the profile names them.
+    #[cfg_attr(not(test), expect(dead_code, reason = "a test finds that none is forgotten"))]
     pub passes: &'static [&'static str],
     /// Dispatches and draws.
     pub dispatches: fn(&Work) -> f64,

@@ -73,7 +73,7 @@ fn objects_that_the_function_does_not_show_are_told_once_and_made_visible_by_a_b
     assert_eq!(functions(&bench), [Some("Organ".to_owned()), Some("Own range".to_owned())]);
     assert!(bench.app.state.objects.iter().all(|object| object.tint.is_some()));
     // In a mode where objects have functions of their own, that of each counts.
-    bench.app.state.mode = SplatMode::Decoded;
+    bench.app.state.mode = SplatMode::named("decoded").expect("a mode");
     bench.app.state.objects[1].transfer = Some(bone.clone());
     bench.rest();
     assert!(bench.place_of(told).is_some());
@@ -278,7 +278,7 @@ fn keys_do_what_the_table_says() {
     bench.press(Key::B, Modifiers::NONE);
     assert_eq!(bench.app.state.split, Some(0.5));
     bench.press(Key::M, Modifiers::NONE);
-    assert_eq!(bench.app.state.mode, SplatMode::Slab);
+    assert_eq!(bench.app.state.mode, SplatMode::named("slab").expect("a mode"));
     bench.press(Key::PageDown, Modifiers::NONE);
     assert_eq!(bench.app.state.transfer.name, PRESETS[1].name);
     bench.press(Key::PageUp, Modifiers::NONE);

@@ -65,7 +65,7 @@ fn a_region_is_chosen_and_fitted_from_the_panel() {
     assert_eq!(shade(&bench), Some(Shade::Region));
     bench.find("1010 voxels, 12.3 ml");
     let estimate = |splats: usize, iterations: usize| {
-        let size = crate::model::figures::bytes(crate::model::fit_plan::ply_bytes(splats));
+        let size = engine::figures::bytes(crate::model::fit_plan::ply_bytes(splats));
         format!("{splats} splats, {iterations} iterations, {size} as .ply")
     };
     bench.find("as many splats as it takes to have 99 of 100 voxels within 30 HU; 200 iterations");

@@ -20,8 +20,8 @@ pub use error_colours::ErrorColours;
 pub use files::Files;
 pub use in_headset::InHeadset;
 pub use state::{
-    Bookmark, Clip, CropBox, Distance, Edited, MOST_PLANES, Object, Plane, Quality, Show, Slices, SplatMode,
-    Subject, VERSION, ViewState, is_session, mode_row,
+    Bookmark, Clip, CropBox, DECODED, Distance, Edited, MOST_PLANES, Object, Plane, Quality, Show, Slices,
+    SplatMode, Subject, VERSION, ViewState, is_session, mode_row,
 };
 pub(crate) use state::{text_of, toml_text};
 pub(crate) use unpacked::{Copy, copy};

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use engine::error::{Error, Kind, Result};
-use engine::render::{self, Appearance, ClipPlane, Look, ObjectChange, PLANES, SplatKind};
+use engine::render::{self, Appearance, ClipPlane, Look, ModeRow, ObjectChange, PLANES, SplatKind};
 use engine::splat;
 use engine::transfer::{Light, TransferFunction};
 use glam::DVec3;
@@ -124,20 +124,13 @@ impl Subject {
     pub const SETS: [Subject; 2] = [Subject::Splats, Subject::Beside];
 }
 
-/// Render mode for splats.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
-#[serde(rename_all = "lowercase")]
-pub enum SplatMode {
-    /// Slabs of splats, classified after adding up.
-    Slab,
-    /// The field decoded on the CT's own voxels, ray-marched.
-    #[default]
-    Decoded,
-    /// Splats sorted and blended; the fastest mode.
-    Alpha,
-    /// Planes at a tenth of the distance; the most accurate mode.
-    Exact,
-}
+/// Mode that shows the decoded field; the colours of the error are those of its voxels.
+pub const DECODED: &str = "decoded";
+
+/// Render mode for splats: a row of [`render::MODES`], by its name in a session.
+#[derive(Clone, Copy, Deserialize, Serialize)]
+#[serde(try_from = "String", into = "String")]
+pub struct SplatMode(&'static ModeRow);
 
 /// Row of the list of objects: a fit, or one label of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -286,23 +279,67 @@ impl Edited {
 }
 
 impl SplatMode {
-    /// All modes, in the order in which one steps through them.
-    pub const ALL: [SplatMode; 4] = [SplatMode::Decoded, SplatMode::Slab, SplatMode::Exact, SplatMode::Alpha];
+    /// Returns all modes, in the order in which one steps through them.
+    pub fn all() -> impl Iterator<Item = SplatMode> {
+        render::MODES.iter().filter(|row| row.of_splats).map(SplatMode)
+    }
+
+    /// Returns the mode of this name; `None` if it shows no splats or is none.
+    pub fn named(name: &str) -> Option<SplatMode> {
+        SplatMode::all().find(|mode| mode.name == name)
+    }
 
     /// Returns the modes that show splats of a kind as they are meant, in the order in which one steps through them.
     pub fn of_kind(kind: SplatKind) -> Vec<SplatMode> {
-        let suits = |mode: &SplatMode| kind.own_mode().is_none_or(|own| own == mode.name());
-        SplatMode::ALL.into_iter().filter(suits).collect()
+        SplatMode::all().filter(|mode| kind.own_mode().is_none_or(|own| own == mode.name)).collect()
     }
 
-    /// Returns its name in [`render::MODES`].
-    pub fn name(self) -> &'static str {
-        match self {
-            SplatMode::Slab => "slab",
-            SplatMode::Decoded => "decoded",
-            SplatMode::Alpha => "alpha",
-            SplatMode::Exact => "exact",
-        }
+    /// Returns the row of the engine.
+    pub fn row(self) -> &'static ModeRow {
+        self.0
+    }
+}
+
+impl Default for SplatMode {
+    /// Returns the mode of splats that are fitted for the voxels of a grid.
+    fn default() -> Self {
+        SplatMode(mode_row(SplatKind::Grid.usual_mode()))
+    }
+}
+
+impl std::ops::Deref for SplatMode {
+    type Target = ModeRow;
+
+    fn deref(&self) -> &ModeRow {
+        self.0
+    }
+}
+
+impl PartialEq for SplatMode {
+    fn eq(&self, other: &Self) -> bool {
+        self.name == other.name
+    }
+}
+
+impl std::fmt::Debug for SplatMode {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.write_str(self.name)
+    }
+}
+
+impl From<SplatMode> for String {
+    fn from(mode: SplatMode) -> String {
+        mode.name.to_owned()
+    }
+}
+
+impl TryFrom<String> for SplatMode {
+    type Error = String;
+
+    fn try_from(name: String) -> std::result::Result<Self, String> {
+        let known = || SplatMode::all().map(|mode| mode.name).collect::<Vec<_>>().join(", ");
+        SplatMode::named(&name)
+            .ok_or_else(|| format!("no mode of splats is called {name:?}: they are {}", known()))
     }
 }
 
@@ -409,7 +446,7 @@ impl ViewState {
     /// Returns the name of the engine's mode that the user has chosen for a subject.
     pub fn mode_of(&self, subject: Subject) -> &'static str {
         match subject {
-            Subject::Splats | Subject::Beside => self.mode.name(),
+            Subject::Splats | Subject::Beside => self.mode.name,
             Subject::Volume => "volume",
         }
     }
@@ -665,7 +702,7 @@ fn is_first(light: &Light) -> bool {
 }
 
 /// Returns the engine's row of a mode.
-pub fn mode_row(name: &'static str) -> &'static render::ModeRow {
+pub fn mode_row(name: &str) -> &'static ModeRow {
     render::mode(name).expect("names of modes are the engine's")
 }
 

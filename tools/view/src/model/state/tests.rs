@@ -7,7 +7,7 @@ use crate::model::region::{Region, Threshold};
 fn full() -> ViewState {
     let mut state = ViewState::new(&PRESETS[0].over([-1000.0, 2000.0]));
     state.shown = Subject::Volume;
-    state.mode = SplatMode::Exact;
+    state.mode = SplatMode::named("exact").expect("a mode");
     state.split = Some(0.25);
     state.background = DVec3::new(0.1, 0.2, 0.3);
     state.files = Files {
@@ -250,8 +250,8 @@ fn undo_brings_back_what_was_edited_and_not_the_camera() {
 
 #[test]
 fn modes_are_those_of_the_engine() {
-    for mode in SplatMode::ALL {
-        assert!(mode_row(mode.name()).of_splats);
+    for mode in SplatMode::all() {
+        assert!(mode.of_splats);
     }
     assert!(!mode_row(full().mode_of(Subject::Volume)).of_splats);
     assert!(Orbit::default().check().is_ok());
