@@ -15,6 +15,7 @@ use super::labels::label;
 use super::run::{End, GOAL_MARGIN_DB, Interrupted, Outcome, Problem, Start, Watch};
 use super::{FitConfig, Goal, Schedule};
 use base::error::{Error, Result};
+use base::figures;
 use gpu::Gpu;
 use splat::{Form, Rounding, Splat, SplatSet};
 use volume::{Labels, Roi, Volume};
@@ -432,7 +433,9 @@ impl<'a> Plan<'a> {
             }
             if round == ROUNDS || splats == 0 {
                 tracing::warn!(
-                    "the file has {bytes} bytes, more than {most}: its grid and its mask need the rest"
+                    "the file has {}, more than {}: its grid and its mask need the rest",
+                    figures::bytes(bytes),
+                    figures::bytes(most)
                 );
                 break;
             }
@@ -443,7 +446,8 @@ impl<'a> Plan<'a> {
             match again {
                 Ok(splats) => outcome.splats = splats,
                 Err(error) => {
-                    tracing::warn!("the file could not be made smaller than {bytes} bytes: {error}");
+                    let size = figures::bytes(bytes);
+                    tracing::warn!("the file could not be made smaller than {size}: {error}");
                     lacking.get_or_insert(error);
                     break;
                 }
