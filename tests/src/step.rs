@@ -2,16 +2,13 @@
 //! place, besides the fit itself, that knows the order of the passes.
 
 use engine::gpu::{Buffer, Gpu, Recorder};
-use engine::passes::loss::{
-    ChunkSamples, DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, Sum,
-    TERMS, Weighted,
-};
+use engine::passes::loss::{ChunkSamples, DICE, INTENSITIES, LEAK, MSE, OCCUPANCY, Sum, TERMS, Weighted};
 use engine::passes::{Gradient, Losses, Rasterizer, Storage};
 use engine::splat::{Kernel, Splat};
 use engine::volume::Bricks;
 use engine::volume::bricks::SAMPLES;
 use reference;
-use reference::loss::Quantity;
+use reference::loss::{Numbers, Quantity};
 use shaders_glsl::types::{Adjoint, Footprint, Reconstruction, SplatGrad, Target};
 
 use crate::Scene;
@@ -42,50 +39,45 @@ pub const LOW: f32 = -0.5;
 
 /// Returns the terms of the paper and of the default fit with weights that make each matter: the Dice loss is
 /// one number for all samples, the others are sums.
-pub fn terms(soft: bool) -> [Weighted; 4] {
-    let [mse, occupancy, dice, leak, ..] = all_terms(soft);
-    [mse, occupancy, dice, leak]
+pub fn terms(soft: bool) -> Vec<Weighted> {
+    all_terms(soft).into_iter().filter(|term| [MSE, OCCUPANCY, DICE, LEAK].contains(&term.term)).collect()
 }
 
 /// Returns all terms. The slope of a divergence has no bound, so that together they are no measure of
 /// rounding.
-pub fn all_terms(soft: bool) -> [Weighted; 8] {
+pub fn all_terms(soft: bool) -> Vec<Weighted> {
     let region = if soft { -1.0 } else { 0.5 };
-    let term = |term, weight| Weighted { term, weight, region, low: LOW, ..Weighted::default() };
-    [
-        Weighted { parameter: 0.1, ..term(MSE, 1.0) },
-        Weighted { parameter: 0.05, tolerance: if soft { 0.0 } else { 0.1 }, ..term(OCCUPANCY, 0.3) },
-        Weighted { parameter: 1.0, ..term(DICE, 2000.0) },
-        Weighted { parameter: if soft { 2.0 } else { 1.0 }, region: -1.0, ..term(LEAK, 0.2) },
-        term(SQUARE, 0.4),
-        term(KL, 0.1),
-        Weighted { parameter: 1.0, ..term(INTENSITY_DICE, 1000.0) },
-        term(INTENSITY_KL, 0.1),
-    ]
+    let of = |term| {
+        let trial = &reference_of(term).trial;
+        let end = |all: &[f32], last: bool| *if last { all.last() } else { all.first() }.expect("a number");
+        Weighted {
+            term,
+            weight: trial.weight,
+            parameter: end(trial.parameters, soft),
+            region,
+            low: LOW,
+            tolerance: end(trial.tolerances, !soft),
+        }
+    };
+    (0..TERMS.len()).map(of).collect()
+}
+
+/// Returns the reference implementation of a row of [`TERMS`].
+pub fn reference_of(term: usize) -> &'static reference::loss::Loss {
+    terms64(&[Weighted { term, ..Weighted::default() }])[0].loss
 }
 
 /// Returns the reference implementations of [`Weighted`] terms.
 pub fn terms64(terms: &[Weighted]) -> Vec<reference::Term> {
     let implementation = |t: &Weighted| {
-        let (weight, parameter, region) = (f64::from(t.weight), f64::from(t.parameter), f64::from(t.region));
         let quantity = match TERMS[t.term].quantity {
             Some(INTENSITIES) => Quantity::Intensity { low: f64::from(t.low) },
             _ => Quantity::Mask,
         };
-        match TERMS[t.term].name {
-            "mse" => reference::Term::Mse { weight, rim: parameter, region },
-            "occupancy" => {
-                let tolerance = f64::from(t.tolerance);
-                reference::Term::Occupancy { weight, w0: parameter, tolerance }
-            }
-            "dice" | "intensity dice" => {
-                reference::Term::Dice { weight, smoothing: parameter, region, quantity }
-            }
-            "leak" => reference::Term::Leak { weight, power: t.parameter as i32, region },
-            "square" => reference::Term::Square { weight, region },
-            "kl" | "intensity kl" => reference::Term::Kl { weight, region, quantity },
-            name => panic!("the loss term {name} has no reference implementation"),
-        }
+        let [weight, parameter, region, tolerance] =
+            [t.weight, t.parameter, t.region, t.tolerance].map(f64::from);
+        let name = TERMS[t.term].shader.name.trim_start_matches("loss_");
+        reference::Term::new(name, Numbers { weight, parameter, region, tolerance, quantity })
     };
     terms.iter().map(implementation).collect()
 }

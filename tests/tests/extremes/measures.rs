@@ -8,7 +8,7 @@ use engine::volume::bricks::SAMPLES;
 use engine::volume::{Bricks, Roi, Volume};
 use glam::{DAffine3, IVec3, UVec3};
 use rand::RngExt;
-use reference::{Term, loss};
+use reference::loss::{self, Numbers, Term};
 use shaders_glsl::types::Target;
 use vgs_tests::numerics::keep;
 use vgs_tests::sampling::{field, one};
@@ -100,8 +100,12 @@ fn n26_small_and_large_regions() {
         let pass = step::run_with(&gpu, &bricks, &splats, &targets, Kernel::Compact, [0.0; 3], &terms);
         let targets: Vec<reference::Target> = targets.iter().map(Into::into).collect();
         let got: Vec<reference::Reconstruction> = pass.reconstructions.iter().map(Into::into).collect();
-        let wanted =
-            loss::sums(&Term::Mse { weight: 1.0, rim: 0.0, region: 0.5 }, &targets, &got, targets.len());
+        let wanted = loss::sums(
+            &Term::new("mse", Numbers { region: 0.5, ..Numbers::default() }),
+            &targets,
+            &got,
+            targets.len(),
+        );
         assert_eq!(pass.sums[0].weight, wanted[0][1], "Σ m");
         sum_off = sum_off.max((pass.sums[0].value / wanted[0][0] - 1.0).abs());
     }

@@ -1,7 +1,7 @@
 //! Every kernel alone against its f64 reference in `reference`, on the same inputs.
 //!
-//! The list below is the list of kernels: a `.comp` file without a test here fails `every_kernel_has_a_test`,
-//! by name.
+//! The list below is the list of kernels, and that of the losses is the table of the engine: a `.comp` file without a
+//! test here fails `every_kernel_has_a_test`, by name.
 
 mod bins;
 mod deconvolution;
@@ -25,7 +25,8 @@ macro_rules! oracle {
 
         #[test]
         fn every_kernel_has_a_test() {
-            let tested = [$($(stringify!($kernel)),*),*];
+            let losses = engine::passes::loss::TERMS.iter().map(|term| term.shader.name);
+            let tested: Vec<_> = [$($(stringify!($kernel)),*),*].into_iter().chain(losses).collect();
             let kernels: Vec<_> = shaders_glsl::KERNELS.iter().map(|s| s.name).collect();
             for kernel in &kernels {
                 assert!(
@@ -44,8 +45,7 @@ macro_rules! oracle {
 oracle! {
     sorting: scan_sums scan_offsets scan_apply radix_count radix_scatter sum_triples;
     bins: splat_bounds emit_pairs brick_ranges pair_masks cell_masks;
-    volume: splat_to_volume overlap_sums loss_mse loss_occupancy loss_dice loss_leak loss_square loss_kl splat_to_volume_grad
-        moments_to_grad;
+    volume: splat_to_volume overlap_sums splat_to_volume_grad moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
     quads: project_quads;
     deconvolution: deconvolve_points deconvolve_splats;
@@ -53,6 +53,12 @@ oracle! {
     slab: mark_active limit_active list_active project_splats emit_tile_pairs slab;
     occupancy: occupancy_mark occupancy_spread list_faces;
     raymarch: voxel_gradients raymarch;
+}
+
+/// The kernels of all losses.
+#[test]
+fn losses() {
+    volume::losses();
 }
 
 /// Records one pass, runs it and waits.

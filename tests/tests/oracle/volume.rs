@@ -1,9 +1,7 @@
 //! Forward pass, loss terms, backward pass.
 
 use engine::gpu::{Gpu, Kernel};
-use engine::passes::loss::{
-    DICE, INTENSITIES, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MASKS, MSE, OCCUPANCY, SQUARE, TERMS, Weighted,
-};
+use engine::passes::loss::{INTENSITIES, MASKS, TERMS, Weighted};
 use engine::passes::{Storage, WorkgroupShape};
 use engine::splat;
 use engine::splat::kernel::KERNELS;
@@ -195,9 +193,7 @@ fn check_loss(rows: &[Weighted]) {
                     (f64::from(g.weight) / size, w.weight / size),
                 ]
             });
-            // t / p has the rounding of p, which is a difference: 1 - exp(-W), or V less the lower end of the range.
-            let rounding = if [KL, INTENSITY_KL].contains(&weighted.term) { 4e-5 } else { 3e-6 };
-            let bound = Bound::new(3e-7 + 4.0 * least_step, rounding + half_step);
+            let bound = Bound::new(3e-7 + 4.0 * least_step, term.loss.trial.rounding + half_step);
             assert_close(&format!("{}: adjoints, {storage:?}", shader.name), bound, pairs);
             let wanted = loss::sums(&term, &targets64, &got64, SAMPLES);
             let mut found = sums.read().unwrap();
@@ -210,48 +206,26 @@ fn check_loss(rows: &[Weighted]) {
     }
 }
 
-/// Rows of one term: with and without a threshold of the region, and with these weights and parameters.
-fn rows(term: usize, weight: f32, parameters: &[f32]) -> Vec<Weighted> {
-    let row = |&parameter: &f32| {
-        [-1.0, 0.01, 0.5].map(|region| Weighted {
-            term,
-            weight,
-            parameter,
-            region,
-            low: step::LOW,
-            ..Weighted::default()
-        })
-    };
-    parameters.iter().flat_map(row).collect()
-}
-
-pub fn loss_mse() {
-    check_loss(&rows(MSE, 0.7, &[0.0, 0.1]));
-}
-
-pub fn loss_occupancy() {
-    let rows = rows(OCCUPANCY, 0.3, &[0.05, 1.0]);
-    let tolerant = [0.0, 0.4].map(|tolerance| rows.iter().map(move |&row| Weighted { tolerance, ..row }));
-    check_loss(&tolerant.into_iter().flatten().collect::<Vec<_>>());
-}
-
-pub fn loss_dice() {
-    // The slope by one sample is small, about 1 / S; λ makes it matter beside the adjoints of former terms.
-    check_loss(&rows(DICE, 1500.0, &[0.0, 1.0]));
-    check_loss(&rows(INTENSITY_DICE, 1500.0, &[0.0, 2.0]));
-}
-
-pub fn loss_leak() {
-    check_loss(&rows(LEAK, 0.6, &[1.0, 2.0]));
-}
-
-pub fn loss_square() {
-    check_loss(&rows(SQUARE, 0.6, &[0.0]));
-}
-
-pub fn loss_kl() {
-    check_loss(&rows(KL, 0.1, &[0.0]));
-    check_loss(&rows(INTENSITY_KL, 0.1, &[0.0]));
+/// Every row of the table of terms: with and without a threshold of the region, and with the parameters and tolerances
+/// that its reference is tried with.
+pub fn losses() {
+    for term in 0..TERMS.len() {
+        let trial = &step::reference_of(term).trial;
+        let mut rows = Vec::new();
+        for (&parameter, &tolerance) in
+            trial.parameters.iter().flat_map(|p| trial.tolerances.iter().map(move |t| (p, t)))
+        {
+            rows.extend([-1.0, 0.01, 0.5].map(|region| Weighted {
+                term,
+                weight: trial.weight,
+                parameter,
+                region,
+                low: step::LOW,
+                tolerance,
+            }));
+        }
+        check_loss(&rows);
+    }
 }
 
 pub fn overlap_sums() {
