@@ -14,6 +14,7 @@ use super::evaluate::{Metrics, Protocol, evaluate};
 use super::goal::Goal;
 use super::going::{Going, iterate, part};
 use super::run::Problem;
+use super::stage::Trial;
 use super::{FitConfig, Fitter};
 use base::error::Result;
 use gpu::Gpu;
@@ -50,15 +51,6 @@ const SLOPES: [f64; 2] = [0.8, 8.0];
 /// What a trial still lacks of a fit of 300 iterations, dB, by density; medians of bones, liver and vessels of a
 /// torso, 0.7 dB apart (`docs/results/tradeoffs.md`).
 const LACKS: [(f64, f64); 5] = [(0.0125, 1.5), (0.025, 1.1), (0.05, 1.35), (0.1, 2.5), (0.2, 3.5)];
-
-/// A trial, and what follows from it.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Trial {
-    /// Number of splats that the whole region would have.
-    pub splats: usize,
-    /// How much better than the goal a finished fit of so many should be, dB.
-    pub surplus_db: f64,
-}
 
 impl Problem<'_> {
     /// Finds out how many splats the fit takes to be `margin_db` better than `goal`. `told` hears of every

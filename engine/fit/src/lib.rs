@@ -4,8 +4,9 @@
 //!
 //! | file | what it is |
 //! |---|---|
-//! | `plan` | the one way to fit: [`Order`], [`Plan`], [`Fitted`] |
-//! | `run`, `schedule` | the entry point: [`Problem`], [`Schedule`], and the observer of a fit ([`Watch`]) |
+//! | `plan` | the one way to fit: [`Order`], [`Plan`], [`Fitted`]; [`run()`] is all of it |
+//! | `run`, `schedule` | the iterations: [`Problem`], [`Schedule`], and the observer of a fit ([`Watch`]) |
+//! | `stage` | what it hears besides |
 //! | `config`, `unit` | every hyper-parameter, with its unit |
 //! | `profiles`, `qualities` | configurations with a name |
 //! | `goal`, `count`, `adjust` | an error to reach, the number of splats that it takes, and more or fewer of them |
@@ -41,6 +42,7 @@ mod qualities;
 mod rounding;
 mod run;
 mod schedule;
+mod stage;
 mod state;
 mod subset;
 mod targets;
@@ -49,19 +51,19 @@ pub mod topology;
 mod unit;
 
 pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, Storage};
-pub use count::Trial;
 pub use exceptions::{Misclassified, with_part_of_mask};
 pub use fitter::{Fitter, Progress};
 pub use goal::Goal;
 pub use going::{Going, to_the_end};
-pub use plan::{Clock, Count, Fitted, Measure, Order, Plan, SizeLimit, Stage};
+pub use plan::{BytesOf, Clock, Fitted, Measure, Order, Plan, SizeLimit, run};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{DEFAULT_QUALITY, EARLY, QUALITIES, QualityPreset};
 pub use rounding::{ROUNDING_ITERATIONS, rounded_as_it_is};
 pub use run::{
-    Beginning, CurvePoint, End, GOAL_MARGIN_DB, Interrupted, Milestone, Outcome, Problem, Start, Watch, run,
+    Beginning, CurvePoint, End, GOAL_MARGIN_DB, Interrupted, Milestone, Outcome, Problem, Start, Watch,
 };
 pub use schedule::Schedule;
+pub use stage::{Count, Stage, Trial};
 pub use state::FitState;
 pub use targets::{Scaling, offsets, sample};
 pub use terms::{ChosenLoss, INTENSITY_LOSSES, MASK_LOSSES};

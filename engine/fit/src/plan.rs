@@ -2,18 +2,19 @@
 //!
 //! [`Plan::new`] finds the number of splats, by trials where an error is to be reached, and places the first ones.
 //! [`Plan::run`] fits them, and makes the set: rounded where its file rounds, and fitted again with another number of
-//! splats where it misses its error or its size. A [`Watch`] hears of each stage and may cut it short.
+//! splats where it misses its error or its size. A [`Watch`] hears of each stage and may cut it short. [`run`] is all of it in
+//! one call, with neither labels nor limits.
 
 use std::cell::RefCell;
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
-use super::count::Trial;
 use super::evaluate::Metrics;
 use super::going::Going;
 use super::labels::label;
 use super::run::{End, GOAL_MARGIN_DB, Interrupted, Outcome, Problem, Start, Watch};
-use super::{FitConfig, Goal, Schedule};
+use super::stage::{Count, Stage, Trial};
+use super::{FitConfig, Goal, Progress, Schedule};
 use base::error::{Error, Result};
 use base::figures;
 use gpu::Gpu;
@@ -93,64 +94,6 @@ pub struct Clock {
     pub iterations: u32,
 }
 
-/// A stage of a fit other than its iterations.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum Stage {
-    /// Short trials tell how many splats the goal takes.
-    Count,
-    /// The first splats are placed.
-    Place,
-    /// The splats are rounded, and fitted again.
-    Round,
-    /// The splats miss the goal, and are fitted again with more of them.
-    ReachGoal,
-    /// The file is too large, and fewer splats are fitted again.
-    ReachSize,
-}
-
-impl Stage {
-    /// Returns what happens, as people are told.
-    pub fn text(self) -> &'static str {
-        match self {
-            Stage::Count => "finding the number of splats, by short trials",
-            Stage::Place => "placing the first splats",
-            Stage::Round => "rounding the splats, and fitting them again",
-            Stage::ReachGoal => "fitting again, to reach the target",
-            Stage::ReachSize => "fitting again, for a smaller file",
-        }
-    }
-}
-
-/// News of the number of splats.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub enum Count {
-    /// A trial has ended.
-    Tried(Trial),
-    /// The number that the goal takes.
-    Found {
-        /// The number.
-        splats: usize,
-        /// The most there may be.
-        most: usize,
-        /// Trials that it took.
-        trials: usize,
-    },
-    /// The goal is missed: this many are fitted again.
-    MissedGoal {
-        /// The number.
-        splats: usize,
-    },
-    /// The file is too large: this many are fitted again.
-    TooLarge {
-        /// The number.
-        splats: usize,
-        /// Bytes of the file.
-        bytes: u64,
-        /// Most bytes that it may have.
-        most: u64,
-    },
-}
-
 impl<'a> Order<'a> {
     /// Creates an order without labels and limits; the goal is that of the configuration, over the range of the volume.
     pub fn new(volume: &'a Volume, roi: &'a Roi, config: &'a FitConfig) -> Self {
@@ -167,6 +110,65 @@ impl<'a> Order<'a> {
             clock: None,
             interrupted: None,
         }
+    }
+}
+
+/// Fits splats to the region of interest of a volume, as `config` says, and returns them in the world of the
+/// volume (mm RAS, HU). `watch` receives the figures of the fit a few times a second and may stop it; the set
+/// is then that of the iterations that were done.
+///
+/// # Errors
+/// Fails for a configuration that cannot work, for a region without voxels, if the device fails, and if the
+/// fit diverges.
+///
+/// ```no_run
+/// use std::ops::ControlFlow;
+/// use engine::fit::{self, FitConfig};
+/// use engine::gpu::{Gpu, GpuOptions};
+/// use engine::volume::{ReadOptions, Roi, Volume};
+///
+/// # fn main() -> engine::Result<()> {
+/// let volume = Volume::read("ct.nii.gz", &ReadOptions::default())?;
+/// let bone = Roi::from_threshold(&volume, 226.0, 3071.0)?;
+/// let gpu = Gpu::new(&GpuOptions::default())?;
+/// let config = FitConfig { density: 0.05, ..FitConfig::default() };
+/// let splats = fit::run(&gpu, &volume, &bone, &config, |progress| {
+///     println!("iteration {}: {:.1} dB", progress.iteration, progress.psnr_db);
+///     ControlFlow::Continue(())
+/// })?;
+/// engine::splat::write(std::path::Path::new("bone.ply"), &splats, false)?;
+/// # Ok(())
+/// # }
+/// ```
+pub fn run(
+    gpu: &Gpu,
+    volume: &Volume,
+    roi: &Roi,
+    config: &FitConfig,
+    watch: impl FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<SplatSet> {
+    let mut watch = OnFigures { watch, stop: false };
+    let (plan, start) = Plan::new(gpu, Order::new(volume, roi, config), &mut watch)?;
+    let Fitted { set, outcome, lacking } = plan.run(start, &mut watch)?;
+    match (outcome.end, lacking) {
+        (End::Failed(error), _) | (_, Some(error)) => Err(error),
+        (End::Finished | End::Stopped, None) => Ok(set),
+    }
+}
+
+/// A [`Watch`] that hands figures to a closure, which may stop the fit.
+struct OnFigures<F> {
+    watch: F,
+    stop: bool,
+}
+
+impl<F: FnMut(&Progress) -> ControlFlow<()>> Watch for OnFigures<F> {
+    fn figures(&mut self, progress: &Progress) {
+        self.stop |= (self.watch)(progress).is_break();
+    }
+
+    fn stops(&mut self) -> bool {
+        self.stop
     }
 }
 

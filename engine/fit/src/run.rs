@@ -1,9 +1,6 @@
-//! The entry point of a fit: from a volume and a region of interest to a splat set.
-//!
-//! [`run`] is one call, of an [`Order`] with neither labels nor limits. A [`Plan`] carries it out on a [`Problem`], which
-//! does everything that a [`FitConfig`] asks for: it puts volume and region on the working grid, places the first splats,
-//! follows the [`Schedule`], repeats steps whose buffers were too small, and makes the set. A [`Watch`] is told of the
-//! progress, may stop the fit and may keep intermediate states.
+//! The iterations of a fit. A [`Problem`] does everything that a [`FitConfig`] asks for: it puts volume and region on the
+//! working grid, places the first splats, follows the [`Schedule`], repeats steps whose buffers were too small, and makes the
+//! set. A [`Watch`] is told of the progress, may stop the fit and may keep intermediate states.
 
 use std::borrow::Cow;
 use std::ops::ControlFlow;
@@ -14,7 +11,7 @@ use serde::{Deserialize, Serialize};
 
 use super::exceptions::{Misclassified, misclassified};
 use super::init::InitConfig;
-use super::plan::{Count, Fitted, Order, Plan, Stage};
+use super::stage::{Count, Stage};
 use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
 use base::error::{Error, Kind, Result};
 use base::memory;
@@ -41,49 +38,6 @@ pub const GOAL_MARGIN_DB: f64 = 0.3;
 /// Least host memory of a splat, bytes, while a fit is prepared and written: itself in two spaces, its set,
 /// its row.
 const HOST_BYTES_A_SPLAT: u64 = 300;
-
-/// Fits splats to the region of interest of a volume, as `config` says, and returns them in the world of the
-/// volume (mm RAS, HU). `watch` receives the figures of the fit a few times a second and may stop it; the set
-/// is then that of the iterations that were done.
-///
-/// # Errors
-/// Fails for a configuration that cannot work, for a region without voxels, if the device fails, and if the
-/// fit diverges.
-///
-/// ```no_run
-/// use std::ops::ControlFlow;
-/// use engine::fit::{self, FitConfig};
-/// use engine::gpu::{Gpu, GpuOptions};
-/// use engine::volume::{ReadOptions, Roi, Volume};
-///
-/// # fn main() -> engine::Result<()> {
-/// let volume = Volume::read("ct.nii.gz", &ReadOptions::default())?;
-/// let bone = Roi::from_threshold(&volume, 226.0, 3071.0)?;
-/// let gpu = Gpu::new(&GpuOptions::default())?;
-/// let config = FitConfig { density: 0.05, ..FitConfig::default() };
-/// let splats = fit::run(&gpu, &volume, &bone, &config, |progress| {
-///     println!("iteration {}: {:.1} dB", progress.iteration, progress.psnr_db);
-///     ControlFlow::Continue(())
-/// })?;
-/// engine::splat::write(std::path::Path::new("bone.ply"), &splats, false)?;
-/// # Ok(())
-/// # }
-/// ```
-pub fn run(
-    gpu: &Gpu,
-    volume: &Volume,
-    roi: &Roi,
-    config: &FitConfig,
-    watch: impl FnMut(&Progress) -> ControlFlow<()>,
-) -> Result<SplatSet> {
-    let mut watch = OnFigures { watch, stop: false };
-    let (plan, start) = Plan::new(gpu, Order::new(volume, roi, config), &mut watch)?;
-    let Fitted { set, outcome, lacking } = plan.run(start, &mut watch)?;
-    match (outcome.end, lacking) {
-        (End::Failed(error), _) | (_, Some(error)) => Err(error),
-        (End::Finished | End::Stopped, None) => Ok(set),
-    }
-}
 
 /// A fitting problem: a volume and a region on the working grid, and a configuration that was checked.
 pub struct Problem<'a> {
@@ -576,22 +530,6 @@ fn check(iteration: u32, progress: Option<&Progress>, splats: &[Splat], kept: u3
     );
     Err(Error::new(Kind::Internal, "VGS-FIT-010", message)
         .help("lower the learning rates; if they are the default ones, please report it"))
-}
-
-/// A [`Watch`] that hands figures to a closure, which may stop the fit.
-struct OnFigures<F> {
-    watch: F,
-    stop: bool,
-}
-
-impl<F: FnMut(&Progress) -> ControlFlow<()>> Watch for OnFigures<F> {
-    fn figures(&mut self, progress: &Progress) {
-        self.stop |= (self.watch)(progress).is_break();
-    }
-
-    fn stops(&mut self) -> bool {
-        self.stop
-    }
 }
 
 #[cfg(test)]

@@ -88,7 +88,7 @@ impl ModeRow {
     }
 }
 
-/// The modes, from the most accurate to the fastest.
+/// The modes, in the order in which programs offer them.
 pub static MODES: [ModeRow; 5] = [
     ModeRow {
         name: "volume",
@@ -104,17 +104,17 @@ pub static MODES: [ModeRow; 5] = [
         make: |gpu, scene, settings| Ok(Box::new(Raymarch::new(gpu, scene, settings)?)),
     },
     ModeRow {
-        name: "exact",
-        about: "the splats' field in steps of a tenth of a standard deviation",
+        name: "decoded",
+        about: "the splats' field on the CT's own voxels, put there once, and ray-marched as those",
         of_splats: true,
-        own_functions: false,
-        occlusion: false,
-        gradient_opacity: false,
-        step: 1.0,
-        step_of: None,
-        needs: Needs::Splats,
-        levels: SplatKind::Field,
-        make: |gpu, scene, settings| Ok(Box::new(Slab::exact(gpu, scene, settings)?)),
+        own_functions: true,
+        occlusion: true,
+        gradient_opacity: true,
+        step: 0.2,
+        step_of: Some(StepOf::Samples),
+        needs: Needs::DecodedField,
+        levels: SplatKind::Grid,
+        make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
     },
     ModeRow {
         name: "slab",
@@ -130,17 +130,17 @@ pub static MODES: [ModeRow; 5] = [
         make: |gpu, scene, settings| Ok(Box::new(Slab::new(gpu, scene, settings)?)),
     },
     ModeRow {
-        name: "decoded",
-        about: "the splats' field on the CT's own voxels, put there once, and ray-marched as those",
+        name: "exact",
+        about: "the splats' field in steps of a tenth of a standard deviation",
         of_splats: true,
-        own_functions: true,
-        occlusion: true,
-        gradient_opacity: true,
-        step: 0.2,
-        step_of: Some(StepOf::Samples),
-        needs: Needs::DecodedField,
-        levels: SplatKind::Grid,
-        make: |gpu, scene, settings| Ok(Box::new(Raymarch::decoded(gpu, scene, settings)?)),
+        own_functions: false,
+        occlusion: false,
+        gradient_opacity: false,
+        step: 1.0,
+        step_of: None,
+        needs: Needs::Splats,
+        levels: SplatKind::Field,
+        make: |gpu, scene, settings| Ok(Box::new(Slab::exact(gpu, scene, settings)?)),
     },
     ModeRow {
         name: "alpha",

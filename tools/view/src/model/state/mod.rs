@@ -2,6 +2,7 @@
 //!
 //! | file | what is there |
 //! |---|---|
+//! | `splat_mode` | the modes that show splats |
 //! | `state` | all of it: [`ViewState`], its parts, and how it is read and written |
 //! | `error_colours` | [`ErrorColours`]: what of the picture has the colours of the error |
 //! | `files` | [`Files`]: where they are, as a session names them, and those that are missing |
@@ -12,6 +13,7 @@
 mod error_colours;
 mod files;
 mod in_headset;
+mod splat_mode;
 mod state;
 mod unpacked;
 mod usual;
@@ -19,9 +21,10 @@ mod usual;
 pub use error_colours::ErrorColours;
 pub use files::Files;
 pub use in_headset::InHeadset;
+pub use splat_mode::{DECODED, SplatMode, mode_row};
 pub use state::{
-    Bookmark, Clip, CropBox, DECODED, Distance, Edited, MOST_PLANES, Object, Plane, Quality, Show, Slices,
-    SplatMode, Subject, VERSION, ViewState, is_session, mode_row,
+    Bookmark, Clip, CropBox, Distance, Edited, MOST_PLANES, Object, Plane, Quality, Show, Slices, Subject,
+    VERSION, ViewState, is_session,
 };
 pub(crate) use state::{text_of, toml_text};
 pub(crate) use unpacked::{Copy, copy};

@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use engine::error::{Error, Kind, Result};
-use engine::render::{self, Appearance, ClipPlane, Look, ModeRow, ObjectChange, PLANES, SplatKind};
+use engine::render::{Appearance, ClipPlane, Look, ObjectChange, PLANES};
 use engine::splat;
 use engine::transfer::{Light, TransferFunction};
 use glam::DVec3;
@@ -15,6 +15,7 @@ use serde::{Deserialize, Serialize};
 use super::error_colours::ErrorColours;
 use super::files::Files;
 use super::in_headset::InHeadset;
+use super::splat_mode::SplatMode;
 use super::unpacked::{Unpacked, is_packed};
 use crate::model::deletions::Deletion;
 use crate::model::orbit::Orbit;
@@ -123,14 +124,6 @@ impl Subject {
     /// Those that are splats.
     pub const SETS: [Subject; 2] = [Subject::Splats, Subject::Beside];
 }
-
-/// Mode that shows the decoded field; the colours of the error are those of its voxels.
-pub const DECODED: &str = "decoded";
-
-/// Render mode for splats: a row of [`render::MODES`], by its name in a session.
-#[derive(Clone, Copy, Deserialize, Serialize)]
-#[serde(try_from = "String", into = "String")]
-pub struct SplatMode(&'static ModeRow);
 
 /// Row of the list of objects: a fit, or one label of a fit.
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
@@ -275,71 +268,6 @@ impl Edited {
     pub fn has_objects_of(&self, other: &Edited) -> bool {
         let key = |o: &Object| (o.file, o.label);
         self.objects.iter().map(key).eq(other.objects.iter().map(key))
-    }
-}
-
-impl SplatMode {
-    /// Returns all modes, in the order in which one steps through them.
-    pub fn all() -> impl Iterator<Item = SplatMode> {
-        render::MODES.iter().filter(|row| row.of_splats).map(SplatMode)
-    }
-
-    /// Returns the mode of this name; `None` if it shows no splats or is none.
-    pub fn named(name: &str) -> Option<SplatMode> {
-        SplatMode::all().find(|mode| mode.name == name)
-    }
-
-    /// Returns the modes that show splats of a kind as they are meant, in the order in which one steps through them.
-    pub fn of_kind(kind: SplatKind) -> Vec<SplatMode> {
-        SplatMode::all().filter(|mode| kind.own_mode().is_none_or(|own| own == mode.name)).collect()
-    }
-
-    /// Returns the row of the engine.
-    pub fn row(self) -> &'static ModeRow {
-        self.0
-    }
-}
-
-impl Default for SplatMode {
-    /// Returns the mode of splats that are fitted for the voxels of a grid.
-    fn default() -> Self {
-        SplatMode(mode_row(SplatKind::Grid.usual_mode()))
-    }
-}
-
-impl std::ops::Deref for SplatMode {
-    type Target = ModeRow;
-
-    fn deref(&self) -> &ModeRow {
-        self.0
-    }
-}
-
-impl PartialEq for SplatMode {
-    fn eq(&self, other: &Self) -> bool {
-        self.name == other.name
-    }
-}
-
-impl std::fmt::Debug for SplatMode {
-    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
-        f.write_str(self.name)
-    }
-}
-
-impl From<SplatMode> for String {
-    fn from(mode: SplatMode) -> String {
-        mode.name.to_owned()
-    }
-}
-
-impl TryFrom<String> for SplatMode {
-    type Error = String;
-
-    fn try_from(name: String) -> std::result::Result<Self, String> {
-        let known = || SplatMode::all().map(|mode| mode.name).collect::<Vec<_>>().join(", ");
-        SplatMode::named(&name)
-            .ok_or_else(|| format!("no mode of splats is called {name:?}: they are {}", known()))
     }
 }
 
@@ -699,11 +627,6 @@ impl ViewState {
 
 fn is_first(light: &Light) -> bool {
     *light == Light::default()
-}
-
-/// Returns the engine's row of a mode.
-pub fn mode_row(name: &str) -> &'static ModeRow {
-    render::mode(name).expect("names of modes are the engine's")
 }
 
 /// Returns a value as TOML. Only paths can fail.

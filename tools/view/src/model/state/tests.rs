@@ -3,6 +3,7 @@ use engine::transfer::PRESETS;
 use super::*;
 use crate::model::deletions::{Bounds, Target};
 use crate::model::region::{Region, Threshold};
+use crate::model::state::mode_row;
 
 fn full() -> ViewState {
     let mut state = ViewState::new(&PRESETS[0].over([-1000.0, 2000.0]));
