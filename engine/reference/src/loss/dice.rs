@@ -1,6 +1,7 @@
 //! `loss_dice`: λ/2 (1 - (2 Σ pt + s) / (Σ p + Σ t + s)) over the region; the parameter is s.
 
-use super::{Loss, Numbers, Overlap, Reconstruction, Target, TermAt, Trial, is_inside};
+use super::loss::{Loss, Numbers, Overlap, TermAt, Trial, is_inside};
+use crate::{Reconstruction, Target};
 
 /// The row. The slope by one sample is small, about 1 / S; λ makes it matter beside the adjoints of other terms.
 pub const LOSS: Loss = Loss {

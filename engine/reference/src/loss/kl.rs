@@ -1,6 +1,7 @@
 //! `loss_kl`: λ/2 Σ t ln(t/p) over the region, p and t kept in [[`LEAST`], 1].
 
-use super::{Loss, Numbers, Overlap, Reconstruction, Target, TermAt, Trial, is_inside};
+use super::loss::{Loss, Numbers, Overlap, TermAt, Trial, is_inside};
+use crate::{Reconstruction, Target};
 
 /// The least p and t.
 pub const LEAST: f64 = 1e-7;

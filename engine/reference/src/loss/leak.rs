@@ -1,8 +1,7 @@
 //! `loss_leak`: λ/2 Σ n m̂^k, n = 1 - M without a threshold and \[M ≤ region\] with one; the parameter is k.
 
-use super::{
-    Loss, Numbers, Overlap, Quantity, Reconstruction, Target, TermAt, Trial, is_inside, predicted_mask,
-};
+use super::loss::{Loss, Numbers, Overlap, Quantity, TermAt, Trial, is_inside, predicted_mask};
+use crate::{Reconstruction, Target};
 
 /// The row.
 pub const LOSS: Loss = Loss {

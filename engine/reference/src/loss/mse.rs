@@ -1,7 +1,8 @@
 //! `loss_mse`: λ/2 Σ m (V̂ - V)². Without a threshold m = M; with one m = 1 where M > region, and where 0 < M ≤ region it is
 //! the parameter, the weight of the rim.
 
-use super::{Adjoint, Loss, Numbers, Overlap, Reconstruction, Target, TermAt, Trial, is_inside};
+use super::loss::{Loss, Numbers, Overlap, TermAt, Trial, is_inside};
+use crate::{Adjoint, Reconstruction, Target};
 
 /// The row.
 pub const LOSS: Loss = Loss {

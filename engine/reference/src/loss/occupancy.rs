@@ -1,6 +1,7 @@
 //! `loss_occupancy`: λ/2 Σ max(|O - M| - τ, 0)², O = W / (W + w0); the parameter is w0.
 
-use super::{Adjoint, Loss, Numbers, Overlap, Reconstruction, Target, TermAt, Trial};
+use super::loss::{Loss, Numbers, Overlap, TermAt, Trial};
+use crate::{Adjoint, Reconstruction, Target};
 
 /// The row.
 pub const LOSS: Loss = Loss {

@@ -1,8 +1,7 @@
 //! `loss_square`: λ/2 Σ (m̂ - M)² over the region.
 
-use super::{
-    Loss, Numbers, Overlap, Quantity, Reconstruction, Target, TermAt, Trial, is_inside, predicted_mask,
-};
+use super::loss::{Loss, Numbers, Overlap, Quantity, TermAt, Trial, is_inside, predicted_mask};
+use crate::{Reconstruction, Target};
 
 /// The row.
 pub const LOSS: Loss = Loss {
