@@ -29,7 +29,7 @@ pub struct SplatSet {
     pub iterations: Option<u32>,
     /// The grid of the volume that the set was fitted to; `None` if unknown.
     pub grid: Option<Grid>,
-    /// [Checksum](volume::Volume::crc32) of that volume's samples; `None` if unknown.
+    /// Checksum (`Volume::crc32`) of that volume's samples; `None` if unknown.
     pub volume_crc32: Option<u32>,
     /// What the set was fitted for.
     pub form: Form,

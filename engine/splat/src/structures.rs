@@ -7,7 +7,7 @@
 
 use StructureKind::{Airway, Bone, Fat, Implant, Lesion, Lung, Muscle, Nerve, Organ, Other, Skin, Vessel};
 
-/// Kind of a structure, which says what shows it well ([`render::UsualLook`]).
+/// Kind of a structure, which says what shows it well (`UsualLook` of crate `render`).
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
 pub enum StructureKind {
     /// Organs of soft tissue, with stomach and bowel.
