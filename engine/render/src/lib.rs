@@ -26,6 +26,7 @@
 //! | `renderer`, `frames` | [`Renderer`]: one picture after the other; [`Frames`]: without waiting for the device |
 //! | `part` | [`Part`]: a band of rows, for pictures that are slower than what else is waiting |
 //! | `budget` | which quality frames can afford, from the times of those that have finished |
+//! | `splat_kind` | [`SplatKind`]: what splats are meant for |
 //! | `quality_levels` | [`quality_levels()`]: the measured ways to trade quality for time, for the frame budget |
 #![forbid(unsafe_code)]
 
@@ -56,6 +57,7 @@ mod scale;
 mod scene;
 mod settings;
 mod slab;
+mod splat_kind;
 mod splat_points;
 mod target;
 mod usual_look;
@@ -75,10 +77,11 @@ pub use modes::{MEANWHILE, MODES, ModeRow, Needs, StepOf, mode};
 pub use object_change::{ObjectChange, hex_colour};
 pub use part::Part;
 pub use quality::Quality;
-pub use quality_levels::{QualityLevel, SplatKind, level_costs, quality_levels};
+pub use quality_levels::{QualityLevel, level_costs, quality_levels};
 pub use renderer::Renderer;
 pub use scene::Scene;
 pub use settings::{Rays, Settings};
+pub use splat_kind::SplatKind;
 pub use target::Target;
 pub use usual_look::{ObjectLook, UsualLook};
 pub use visibility_mask::{Triangle, VisibilityMask};

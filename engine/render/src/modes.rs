@@ -3,11 +3,11 @@
 use super::alpha::Alpha;
 use super::gpu_splats::GpuSplats;
 use super::mode::Mode;
-use super::quality_levels::SplatKind;
 use super::raymarch::Raymarch;
 use super::scene::Scene;
 use super::settings::Settings;
 use super::slab::Slab;
+use super::splat_kind::SplatKind;
 use base::error::{Error, Kind, Result};
 use base::names;
 use gpu::Gpu;

@@ -8,8 +8,8 @@ use super::modes::mode;
 use super::quality::Quality;
 #[cfg(doc)]
 use super::settings::Settings;
+use super::splat_kind::SplatKind;
 use crate::budget;
-use splat::{Form, SplatSet};
 
 /// A quality level: a way to render, and what it costs.
 #[derive(Clone, Copy, Debug)]
@@ -22,30 +22,7 @@ pub struct QualityLevel {
     pub cost: f64,
 }
 
-/// Kind of splats; each kind has quality levels of its own.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub enum SplatKind {
-    /// Splats that are right between the voxels, too.
-    Field,
-    /// Splats that are fitted for the voxels of a grid.
-    Grid,
-    /// Splats with colours of their own, as in a standard 3DGS file.
-    Coloured,
-}
-
 impl SplatKind {
-    /// Every kind.
-    pub const ALL: [SplatKind; 3] = [SplatKind::Field, SplatKind::Grid, SplatKind::Coloured];
-
-    /// Returns the name in `quality_levels.toml` and in tables.
-    pub fn name(self) -> &'static str {
-        match self {
-            SplatKind::Field => "field",
-            SplatKind::Grid => "grid",
-            SplatKind::Coloured => "coloured",
-        }
-    }
-
     /// Returns the mode of the best quality level.
     pub fn usual_mode(self) -> &'static str {
         quality_levels(self)[0].mode
@@ -54,15 +31,6 @@ impl SplatKind {
     /// Returns the only mode that shows such splats as they are meant; `None` if every mode does.
     pub fn own_mode(self) -> Option<&'static str> {
         (self != SplatKind::Field).then(|| self.usual_mode())
-    }
-
-    /// Returns the kind of a set's splats.
-    pub fn of(set: &SplatSet) -> Self {
-        match set.form {
-            _ if set.colours.is_some() => SplatKind::Coloured,
-            Form::Field => SplatKind::Field,
-            Form::Grid { .. } => SplatKind::Grid,
-        }
     }
 }
 
@@ -135,6 +103,7 @@ pub fn level_costs(levels: &[QualityLevel]) -> budget::LevelCosts {
 mod tests {
     use super::*;
     use splat::Harmonics;
+    use splat::{Form, SplatSet};
 
     #[test]
     fn levels_of_every_kind_begin_with_all_and_go_down() {
