@@ -9,6 +9,7 @@
 //! | `count` | words for how many splats a target takes |
 //! | `doubts` | what is probably not meant, told or asked about first |
 //! | `explain` | estimates what the fit will cost, by its first iterations |
+//! | `telling` | tells of the stages of a fit besides its iterations |
 //! | `watch` | watches the fit: progress, signals; `checkpoint`: files written on the way |
 //! | `reporting` | the last stage: record, curve, printed figures |
 //! | `output_files` | the files that the fit writes |
@@ -24,6 +25,7 @@ mod reporting;
 mod run;
 mod settings;
 mod stages;
+mod telling;
 mod watch;
 
 pub use arguments::FitArguments;

@@ -14,7 +14,7 @@ use super::arguments::FitArguments;
 use super::checkpoint::Checkpoints;
 use super::output_files::OutputFiles;
 use super::settings::Settings;
-use super::watch::Stages;
+use super::telling::Stages;
 use crate::shared::console::Console;
 use crate::shared::evaluation::{EVAL_SEED, unweighted};
 use crate::shared::flags::Range;
