@@ -123,11 +123,11 @@ impl<'a> Order<'a> {
 ///
 /// ```no_run
 /// use std::ops::ControlFlow;
-/// use engine::fit::{self, FitConfig};
-/// use engine::gpu::{Gpu, GpuOptions};
-/// use engine::volume::{ReadOptions, Roi, Volume};
+/// use fit::FitConfig;
+/// use gpu::{Gpu, GpuOptions};
+/// use volume::{ReadOptions, Roi, Volume};
 ///
-/// # fn main() -> engine::Result<()> {
+/// # fn main() -> base::Result<()> {
 /// let volume = Volume::read("ct.nii.gz", &ReadOptions::default())?;
 /// let bone = Roi::from_threshold(&volume, 226.0, 3071.0)?;
 /// let gpu = Gpu::new(&GpuOptions::default())?;
@@ -136,7 +136,7 @@ impl<'a> Order<'a> {
 ///     println!("iteration {}: {:.1} dB", progress.iteration, progress.psnr_db);
 ///     ControlFlow::Continue(())
 /// })?;
-/// engine::splat::write(std::path::Path::new("bone.ply"), &splats, false)?;
+/// splat::write(std::path::Path::new("bone.ply"), &splats, false)?;
 /// # Ok(())
 /// # }
 /// ```
