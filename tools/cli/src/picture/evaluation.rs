@@ -56,6 +56,6 @@ pub fn draw(
             i / (nx * ny)
         )
     }));
-    let solids = Solids::new(gpu, set, case, &subject, sheet::SOLID)?;
+    let solids = Solids::new(gpu, set, &subject, sheet::SOLID)?;
     sheet::write(path, force, &subject, &solids, title, &lines)
 }

@@ -12,7 +12,6 @@ use glam::{DVec2, DVec3};
 
 use super::canvas::{Canvas, Colour};
 use super::subject::Subject;
-use crate::shared::inputs::Case;
 
 /// Direction from the middle of the region to the viewer, RAS: in front, to the patient's left, and above.
 const TOWARDS_VIEWER: DVec3 = DVec3::new(-0.45, 0.85, 0.28);
@@ -33,13 +32,7 @@ impl Solids {
     ///
     /// # Errors
     /// Fails if the device fails or has no memory for the scenes.
-    pub fn new(
-        gpu: &Gpu,
-        set: &SplatSet,
-        case: &Case,
-        subject: &Subject,
-        [width, height]: [usize; 2],
-    ) -> Result<Self> {
+    pub fn new(gpu: &Gpu, set: &SplatSet, subject: &Subject, [width, height]: [usize; 2]) -> Result<Self> {
         let forward = -TOWARDS_VIEWER.normalize();
         let right = forward.cross(DVec3::Z).normalize();
         let up = right.cross(forward);
@@ -62,12 +55,11 @@ impl Solids {
         let camera = Camera::looking(target - forward * distance, target, up, fov)?;
 
         let range = subject.percentiles.map(f64::from);
-        let unit = case.volume.unit();
-        let name = Intensities::of_set(set).suiting_preset(unit);
+        let name = Intensities::of_set(set).suiting_preset(subject.ct.unit());
         let transfer = preset(name)?.over(set.intensity_range().unwrap_or(range));
         let look = Look::new(transfer.clone());
         let size = [width as u32, rows as u32];
-        let source = VolumeSource { volume: &case.volume, roi: Some(&case.roi) };
+        let source = VolumeSource { volume: &subject.ct, roi: Some(&subject.roi) };
         let render = |splats: Option<&SplatSet>, mode_name| {
             let volume = splats.is_none().then_some(&source);
             let scene = Scene::new(gpu, splats, volume, &look)?;
