@@ -77,6 +77,7 @@ const LEAST_DB: f64 = 38.0;
 /// in the same order; a gradient is summed in other groups.
 #[test]
 fn chunks_change_only_the_rounding_of_the_gradient() {
+    const BOUND: Bound = Bound::new(1e-6, 1e-6).outliers(0.002, 1e-5);
     let whole = Device::boot();
     let small = Device::boot_with(GpuOptions { storage_range_limit: Some(LIMIT), ..GpuOptions::default() });
     for kernel in [Kernel::Compact, Kernel::Gaussian, Kernel::Density] {
@@ -89,13 +90,14 @@ fn chunks_change_only_the_rounding_of_the_gradient() {
             // Added up on the host, brick by brick, one chunk after the other.
             assert!((sum.value - other.value).abs() <= 1e-12 * sum.value && sum.weight == other.weight);
         }
-        // Rounding is that of the large terms: the products d_i d_j are measured against the largest square.
+        // Rounding is that of the large terms: the products d_i d_j are measured against the largest square. Where
+        // the squares themselves, which have a sign, nearly cancel, it is a larger share of what is left.
         let size = |row: &[f32; 11]| row[5..8].iter().fold(1.0f32, |m, v| m.max(v.abs()));
         let pairs = a.moments.iter().zip(&b.moments).flat_map(|(a, b)| {
             let size = size(a);
             (0..11).map(move |k| (f64::from(b[k] / size), f64::from(a[k] / size)))
         });
-        assert_close(&format!("chunks, {}", kernel.name()), Bound::new(1e-6, 1e-6), pairs);
+        assert_close(&format!("chunks, {}", kernel.name()), BOUND, pairs);
     }
 }
 

@@ -11,7 +11,6 @@ mod report;
 mod shared;
 
 use std::process::ExitCode;
-use std::time::Instant;
 
 use clap::{CommandFactory, FromArgMatches, Parser, Subcommand};
 
@@ -71,7 +70,8 @@ enum Command {
 }
 
 fn main() -> ExitCode {
-    let start = Instant::now();
+    #[cfg(feature = "window")]
+    let start = std::time::Instant::now();
     failure::guard(|| {
         signals::survive_file_limits()?;
         signals::end_without_memory()?;

@@ -1,6 +1,7 @@
 //! Writes splats in another format (`vgs convert`).
 
 use std::collections::BTreeMap;
+use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::str::FromStr;
 
@@ -10,6 +11,7 @@ use engine::fit::{FitConfig, FitForm, Problem, with_part_of_mask};
 use engine::render::{Intensities, Look, ObjectChange, UsualLook};
 use engine::splat::{self, Form, Grid, Object, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind, transfer};
+use glam::DVec3;
 use view::io::loaded_splats::LoadedSplats;
 use view::io::saving::{self, Ready};
 use view::model::state::{ViewState, is_session};
@@ -20,7 +22,7 @@ use crate::shared::figures::bytes;
 use crate::shared::flags::{Clip, Corners, DeviceArguments, pair};
 use crate::shared::inputs::{Case, CleaningArguments, ReadArguments, RoiArguments, is_volume};
 use crate::shared::outputs;
-use crate::shared::splat_files::{warn_of_another_volume, worldly_layout};
+use crate::shared::splat_files::{layout, warn_of_another_volume};
 use crate::shared::waiting::Waiting;
 
 /// Writes splats in another format; the extension of the output names it
@@ -361,6 +363,21 @@ fn refuse_volume(splats: &Path, output: &Path) -> engine::Result<()> {
     )))
 }
 
+/// Parses the name of a layout that needs no volume.
+fn worldly_layout(text: &str) -> Result<&'static PlyLayout, String> {
+    match layout(text)? {
+        found if found.needs_volume => {
+            Err(format!("{text} needs the volume of the splats: vgs fit --ply-layout {text}"))
+        }
+        found => Ok(found),
+    }
+}
+
+/// Returns true if the box has this place, its borders included.
+fn holds(corners: Corners, place: DVec3) -> bool {
+    place.cmpge(corners.0[0]).all() && place.cmple(corners.0[1]).all()
+}
+
 /// Returns the splats of `set` that the flags select; all if they say nothing.
 fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Stop> {
     let ConvertArguments { inside, outside_box, .. } = arguments;
@@ -379,8 +396,8 @@ fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Sto
     }
     let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
     let part = set.selected(|i, mean| {
-        inside.is_none_or(|corners| corners.contains(mean))
-            && outside_box.is_none_or(|corners| !corners.contains(mean))
+        inside.is_none_or(|corners| holds(corners, mean))
+            && outside_box.is_none_or(|corners| !holds(corners, mean))
             && (chosen.is_empty() || numbers.contains(&label(i)))
     });
     if part.splats.is_empty() {
@@ -463,12 +480,30 @@ fn fitted_again(arguments: &ConvertArguments, set: &SplatSet, volume: &Path) -> 
     let problem = Problem::new(&case.volume, &case.roi, &config)?;
     let gpu = arguments.device.boot()?;
     let waiting = Waiting::on("fitting the rounded splats again");
+    let mut going = |share| {
+        waiting.at(share);
+        ControlFlow::Continue(())
+    };
     let splats = set.to_voxel(&grid.world_from_voxel);
-    let fitted = problem.rounded_set(&gpu, &splats, 0, &mut waiting.going(|| false))?;
+    let fitted = problem.rounded_set(&gpu, &splats, 0, &mut going)?;
     Ok(SplatSet {
         iterations: set.iterations,
         labels: set.labels.clone(),
         label_names: set.label_names.clone(),
         ..fitted
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::splat::PLY_LAYOUTS;
+
+    use super::*;
+
+    #[test]
+    fn a_layout_that_needs_the_volume_is_refused() {
+        let usable: Vec<_> =
+            PLY_LAYOUTS.iter().filter_map(|row| worldly_layout(row.name).ok()).map(|row| row.name).collect();
+        assert_eq!(usable, ["vgs", "inria"]);
+    }
 }

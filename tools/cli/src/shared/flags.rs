@@ -79,13 +79,6 @@ impl FromStr for Size {
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Corners(pub [DVec3; 2]);
 
-impl Corners {
-    /// Returns true if the box has this place, its borders included.
-    pub fn contains(&self, place: DVec3) -> bool {
-        place.cmpge(self.0[0]).all() && place.cmple(self.0[1]).all()
-    }
-}
-
 impl FromStr for Corners {
     type Err = String;
 

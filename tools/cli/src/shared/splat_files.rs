@@ -26,22 +26,13 @@ impl LayoutArguments {
     }
 }
 
-fn layout(text: &str) -> std::result::Result<&'static PlyLayout, String> {
+/// Parses the name of a layout.
+pub fn layout(text: &str) -> std::result::Result<&'static PlyLayout, String> {
     PlyLayout::named(text).ok_or_else(|| {
         let names: Vec<_> =
             PLY_LAYOUTS.iter().map(|layout| format!("{} ({})", layout.name, layout.about)).collect();
         format!("known: {}", names.join("; "))
     })
-}
-
-/// Parses the name of a layout that needs no volume.
-pub fn worldly_layout(text: &str) -> std::result::Result<&'static PlyLayout, String> {
-    match layout(text)? {
-        found if found.needs_volume => {
-            Err(format!("{text} needs the volume of the splats: vgs fit --ply-layout {text}"))
-        }
-        found => Ok(found),
-    }
 }
 
 /// Reads splats; an error if they have no intensity in HU.
@@ -89,8 +80,5 @@ mod tests {
         }
         let error = layout("authors").expect_err("no such layout");
         assert!(error.contains("vgs (") && error.contains("reference ("), "{error}");
-        let usable: Vec<_> =
-            PLY_LAYOUTS.iter().filter_map(|row| worldly_layout(row.name).ok()).map(|row| row.name).collect();
-        assert_eq!(usable, ["vgs", "inria"]);
     }
 }

@@ -1,7 +1,6 @@
 //! Says what the program is doing when that takes long, and how far it is where that is known.
 
 use std::io::Write;
-use std::ops::ControlFlow;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
 use std::sync::mpsc::{RecvTimeoutError, Sender, channel};
@@ -46,17 +45,6 @@ impl Waiting {
     /// Tells that a share of the work is done, 0 to 1.
     pub fn at(&self, share: f64) {
         self.share.store(share.to_bits(), Ordering::Relaxed);
-    }
-
-    /// Returns what hears how far the work is and stops it once `stopped` returns true.
-    pub fn going<'a>(
-        &'a self,
-        mut stopped: impl FnMut() -> bool + 'a,
-    ) -> impl FnMut(f64) -> ControlFlow<()> + 'a {
-        move |share| {
-            self.at(share);
-            if stopped() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-        }
     }
 
     fn after(patience: Duration, mut tell: impl FnMut(Option<f64>) + Send + 'static) -> Self {
