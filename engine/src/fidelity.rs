@@ -15,11 +15,11 @@ use glam::{DAffine3, DVec3, IVec3};
 use rayon::prelude::*;
 
 use crate::error::Result;
-use crate::fit::Problem;
 use crate::fit::errors::ErrorMap;
 use crate::fit::evaluate::{
     Evaluation, Metrics, Protocol, between_slices_of, evaluate, evaluate_field, with_slices,
 };
+use crate::fit::{Measure, Problem};
 use crate::gpu::Gpu;
 use crate::image::annotate::round_up;
 use crate::render::{Appearance, Decoded, Look, decode};
@@ -74,6 +74,15 @@ pub fn evaluate_fitted(
         let converted = problem.has_own_grid() || set.rounding.is_some();
         let there = converted.then(|| set.to_voxel(&volume.world_from_voxel));
         evaluate(gpu, there.as_deref().unwrap_or(splats), &problem.field(), volume, roi, protocol)
+    })
+}
+
+/// Returns how an [`Order`](crate::fit::Order) measures its goal by what is shown: with [`evaluate_fitted`] at the
+/// voxels, the PSNR over the range of `protocol`.
+pub fn measured_as_shown<'a>(gpu: &Gpu, of: (&'a Volume, &'a Roi), protocol: &Protocol) -> Box<Measure<'a>> {
+    let (gpu, protocol) = (gpu.clone(), Protocol { offsets: Vec::new(), ..protocol.clone() });
+    Box::new(move |problem, set, splats| {
+        Ok(evaluate_fitted(&gpu, problem, set, splats, of, &protocol)?.on_grid)
     })
 }
 

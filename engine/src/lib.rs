@@ -12,6 +12,7 @@
 //! | [`fit`] | the optimisation: initialisation, the step, evaluation |
 //! | [`render`] | a scene of splats or of a volume, seen through a transfer function in one of several modes |
 //! | [`fidelity`] | how far what is shown of splats is from their volume, in figures and colours |
+//! | [`mod@rasterize`] | splats as a volume again |
 //! | `base` | [`Error`], and what else all of them use: [`figures`], [`input`], [`output`], [`memory`], [`names`], [`mod@unit`] |
 //!
 //! Who uses whom is in `docs/design/architecture.md`; volumes, splats, transfer functions and pictures know no Vulkan.
@@ -25,6 +26,7 @@
 #![forbid(unsafe_code)]
 
 pub mod fidelity;
+pub mod rasterize;
 
 pub use base::{Error, Kind, Result, error, figures, input, memory, names, output, unit};
 pub use fit;

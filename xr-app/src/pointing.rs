@@ -5,14 +5,13 @@
 use egui::{Rect, pos2};
 use engine::Result;
 use engine::gpu::{Buffer, Gpu, Recorder};
-use engine::render::{Intensities, Look};
+use engine::render::{Hit, Intensities, Look, Probe};
 use engine::splat::SplatSet;
 use glam::{DQuat, DVec3};
 use shaders_glsl::types::View;
 use view::model::actions::Action;
 use view::model::histogram::Histogram;
 use view::model::panel_info::PanelInfo;
-use view::model::pick::{Hit, Probe};
 use view::model::state::Distance;
 
 use crate::controls::{Button, Controls};

@@ -2,9 +2,9 @@
 //! the probe see them, so that a runtime that moves the picture with the head moves it rightly.
 
 use crate::support::{device, options, script, session, set, silent};
+use engine::render::Probe;
 use engine::render::{Renderer, Settings, mode};
 use glam::DVec3;
-use view::Probe;
 use xr_app::headset::simulated::{Script, Simulated};
 use xr_app::headset::{DEPTH_RANGE, Eye, Headset as _, Pose};
 use xr_app::panel::SIZE;

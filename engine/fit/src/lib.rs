@@ -8,7 +8,7 @@
 //! | `run`, `schedule` | the iterations: [`Problem`], [`Schedule`], and the observer of a fit ([`Watch`]) |
 //! | `stage` | what it hears besides |
 //! | `config`, `unit` | every hyper-parameter, with its unit |
-//! | `profiles`, `qualities` | configurations with a name |
+//! | `profiles`, `qualities`, `settings` | configurations with a name, and one made of both and of single values |
 //! | `goal`, `count`, `adjust` | an error to reach, the number of splats that it takes, and more or fewer of them |
 //! | `going` | how far a stage that takes long is, and whether it goes on |
 //! | `init` | the first splats |
@@ -42,6 +42,7 @@ mod qualities;
 mod rounding;
 mod run;
 mod schedule;
+mod settings;
 mod stage;
 mod state;
 mod subset;
@@ -63,6 +64,7 @@ pub use run::{
     Beginning, CurvePoint, End, GOAL_MARGIN_DB, Interrupted, Milestone, Outcome, Problem, Start, Watch,
 };
 pub use schedule::Schedule;
+pub use settings::Settings;
 pub use stage::{Count, Stage, Trial};
 pub use state::FitState;
 pub use targets::{Scaling, offsets, sample};

@@ -25,6 +25,7 @@
 //! | `alpha`, `slab`, `raymarch` | the modes; `variants` holds their kernels |
 //! | `renderer`, `frames` | [`Renderer`]: one picture after the other; [`Frames`]: without waiting for the device |
 //! | `part` | [`Part`]: a band of rows, for pictures that are slower than what else is waiting |
+//! | `pick` | [`Probe`]: the field at single points, and where a ray meets something, on the host |
 //! | `budget` | which quality frames can afford, from the times of those that have finished |
 //! | `splat_kind` | [`SplatKind`]: what splats are meant for |
 //! | `quality_levels` | [`quality_levels()`]: the measured ways to trade quality for time, for the frame budget |
@@ -49,6 +50,7 @@ mod mode;
 mod modes;
 mod object_change;
 mod part;
+mod pick;
 mod quality;
 mod quality_levels;
 mod raymarch;
@@ -76,6 +78,7 @@ pub use mode::Mode;
 pub use modes::{MEANWHILE, MODES, ModeRow, Needs, StepOf, mode};
 pub use object_change::{ObjectChange, hex_colour};
 pub use part::Part;
+pub use pick::{Hit, Probe, Reading};
 pub use quality::Quality;
 pub use quality_levels::{QualityLevel, level_costs, quality_levels};
 pub use renderer::Renderer;

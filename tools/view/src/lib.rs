@@ -34,6 +34,5 @@ pub use model::actions::Action;
 pub use model::histogram::Histogram;
 pub use model::orbit::Orbit;
 pub use model::panel_info::{PanelInfo, Statistics};
-pub use model::pick::Probe;
 pub use model::settings::Settings;
 pub use model::state::ViewState;

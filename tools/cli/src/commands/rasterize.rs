@@ -3,9 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{ArgGroup, Args, ValueEnum};
-use engine::fit::evaluate::FieldSample;
 use engine::fit::place::place;
-use engine::passes;
+use engine::rasterize::{self, rasterize};
 use engine::splat::{Activations, SplatSet, Unplaced};
 use engine::volume::{Volume, nifti};
 use engine::{Error, Kind, Result};
@@ -15,7 +14,7 @@ use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::flags::{DeviceArguments, spacing};
 use crate::shared::inputs::{CleaningArguments, ReadArguments, region_of};
-use crate::shared::{outputs, sampling, splat_files};
+use crate::shared::{outputs, splat_files};
 
 /// Turns splats back into a volume
 #[derive(Args, Debug)]
@@ -83,6 +82,17 @@ enum Quantity {
     Weight,
 }
 
+impl Quantity {
+    fn of(self, outside: f32) -> rasterize::Quantity {
+        match self {
+            Quantity::Intensity => rasterize::Quantity::Intensity { outside },
+            Quantity::Field => rasterize::Quantity::Field,
+            Quantity::Occupancy => rasterize::Quantity::Occupancy,
+            Quantity::Weight => rasterize::Quantity::Weight,
+        }
+    }
+}
+
 const EXAMPLES: &str = "\
 Examples:
   vgs rasterize bones.ply --like ct.nii.gz -o bones.nii.gz
@@ -105,37 +115,10 @@ pub fn run(arguments: &RasterizeArguments, console: &Console) -> std::result::Re
     let read = splat_files::read_with_intensity(&arguments.splats)?;
     let (set, mut volume) = arguments.place(read)?;
     let gpu = arguments.device.boot()?;
-    let quantity = arguments.quantity;
-    let nothing = match quantity {
-        Quantity::Intensity => arguments.outside,
-        Quantity::Field => set.field.background,
-        Quantity::Occupancy | Quantity::Weight => 0.0,
-    };
-    volume.samples.fill(nothing);
-    let value = |s: &FieldSample| match quantity {
-        Quantity::Intensity if s.occupancy >= 0.5 => s.hu,
-        Quantity::Intensity => nothing,
-        Quantity::Field => s.hu,
-        Quantity::Occupancy => s.occupancy,
-        Quantity::Weight => s.weight,
-    };
-    let mut filled = 0;
-    let mut samples = std::mem::take(&mut volume.samples);
-    let take = |index: usize, sample: &FieldSample| {
-        samples[index] = value(sample);
-        filled += usize::from(sample.weight > 0.0);
-    };
-    match quantity {
-        // The weight is that of the splats themselves, whatever they were fitted for.
-        Quantity::Weight => {
-            let splats = set.to_voxel(&volume.world_from_voxel);
-            passes::visit(&gpu, &splats, &set.field, volume.size, take)?;
-        }
-        _ => sampling::visit_shown(&gpu, &set, &volume, take)?,
-    }
-    volume.samples = samples;
+    let quantity = arguments.quantity.of(arguments.outside);
+    let filled = rasterize(&gpu, &set, quantity, &mut volume)?;
     if filled == 0 {
-        tracing::warn!("no splat reaches the grid: every voxel is {nothing}");
+        tracing::warn!("no splat reaches the grid: every voxel is {}", volume.samples[0]);
     }
     nifti::write(&arguments.output, &volume, arguments.force)?;
     let [x, y, z] = volume.size;

@@ -5,13 +5,13 @@ use engine::Result;
 use engine::fidelity;
 use engine::fit::evaluate::FieldSample;
 use engine::gpu::Gpu;
+use engine::rasterize::visit_shown;
 use engine::splat::SplatSet;
 use engine::volume::trilinear;
 use engine::volume::{Roi, Volume};
 use glam::{DAffine3, DVec3};
 
 use super::canvas::Colour;
-use crate::shared::sampling;
 
 /// Number of voxels that are shown around the region.
 const MARGIN: usize = 6;
@@ -71,7 +71,7 @@ impl Subject {
 
         let mut hu = vec![set.field.background; ct.len()];
         let mut occupancy = vec![0.0; ct.len()];
-        sampling::visit_shown(gpu, set, &ct, |index, s: &FieldSample| {
+        visit_shown(gpu, set, &ct, |index, s: &FieldSample| {
             hu[index] = s.hu;
             occupancy[index] = s.occupancy;
         })?;

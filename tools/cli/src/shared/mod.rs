@@ -6,7 +6,6 @@
 //! | `inputs` | the volume and the region of interest, and the records of their files; `padding`: voxels without a value; `texts`: small files of text |
 //! | `splat_files` | reading and writing splats, whatever their layout |
 //! | `outputs` | checks before anything is written; `lock`: one run per output |
-//! | `sampling` | the field of splats at the voxels of a grid |
 //! | `evaluation` | how splats are measured against a volume |
 //! | `console` | results to stdout, messages to stderr; `figures`: how numbers are written |
 //! | `help` | the short help, by task |
@@ -28,7 +27,6 @@ pub mod memory;
 pub mod outputs;
 pub mod padding;
 pub mod progress;
-pub mod sampling;
 pub mod signals;
 pub mod splat_files;
 pub mod terminal;

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use engine::Result;
 use engine::fidelity::ShownError;
 use engine::gpu::Gpu;
-use engine::render::{Decoding, Look, Scene, SplatKind};
+use engine::render::{Decoding, Look, Probe, Scene, SplatKind};
 use engine::splat::SplatSet;
 use engine::unit::Unit;
 use glam::DVec3;
@@ -14,7 +14,6 @@ use crate::io::loader::{Left, Loaded, LoadedSplats, LoadedVolume};
 use crate::model::deletions::Deletion;
 use crate::model::histogram::Histogram;
 use crate::model::panel_info::Measured;
-use crate::model::pick::Probe;
 use crate::model::state::{Subject, ViewState};
 
 /// Splats, a volume, and the error of one against the other.

@@ -6,7 +6,7 @@
 //! | `orbit`, `transfer`, `region`, `deletions` | its camera, transfer function, region, and what is deleted of the splats |
 //! | `settings`, `picture_options`, `fit_plan` | what is remembered from start to start; how a picture is written; what a fit is asked for and how far it is |
 //! | `actions`, `history` | what a user may ask for, with its keys; undo |
-//! | `cube`, `slices`, `pick`, `histogram` | the patient's sides, planes through the data, what is under the cursor, counts |
+//! | `cube`, `slices`, `histogram` | the patient's sides, planes through the data, counts |
 //! | `panel_info`, `thumbnails` | what panels are told anew for each frame |
 //! | `series`, `file_list`, `system_dialog` | series to choose from, files to choose from, what the dialog of the desktop is asked |
 
@@ -19,7 +19,6 @@ pub mod histogram;
 pub mod history;
 pub mod orbit;
 pub mod panel_info;
-pub mod pick;
 pub mod picture_options;
 pub mod region;
 pub mod series;

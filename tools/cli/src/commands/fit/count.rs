@@ -1,9 +1,7 @@
 //! Words for how many splats there are: what a target takes, and what a file of limited size holds.
 
-use engine::fit::Goal;
+use engine::fit::{Goal, Settings};
 use engine::{Error, Kind, Result};
-
-use super::settings::Settings;
 
 /// Refuses two answers to the question how many splats there are.
 pub fn check(settings: &Settings) -> Result<()> {

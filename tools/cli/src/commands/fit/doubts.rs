@@ -2,10 +2,10 @@
 
 use std::io::{self, BufRead, IsTerminal, Write};
 
+use engine::fit::Settings;
 use engine::{Error, Kind, Result};
 
 use super::arguments::FitArguments;
-use super::settings::Settings;
 use crate::shared::console::Console;
 use crate::shared::inputs::Case;
 use crate::shared::terminal::stderr_has_colour;

@@ -5,7 +5,7 @@ use std::time::{Duration, Instant};
 use engine::Result;
 use engine::fidelity;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
-use engine::fit::{Clock, FitConfig, Goal, IntensityRange, Order, Plan, SizeLimit, Start};
+use engine::fit::{Clock, FitConfig, Goal, IntensityRange, Order, Plan, Settings, SizeLimit, Start};
 use engine::gpu::Gpu;
 use engine::splat::{self, Splat, SplatSet, WriteOptions};
 use engine::volume::Labels;
@@ -13,7 +13,6 @@ use engine::volume::Labels;
 use super::arguments::FitArguments;
 use super::checkpoint::Checkpoints;
 use super::output_files::OutputFiles;
-use super::settings::Settings;
 use super::telling::Stages;
 use crate::shared::console::Console;
 use crate::shared::evaluation::{EVAL_SEED, unweighted};
@@ -97,28 +96,15 @@ pub fn prepare<'a>(
     let initialising = Instant::now();
     let config = &settings.config;
     let protocol = protocol(arguments, config, case)?;
-    let at_voxels = Protocol { offsets: Vec::new(), ..protocol.clone() };
     let goal = Goal::of(config, protocol.range, protocol.threshold);
-    let device = gpu.clone();
-    let others_count = config.has_goal() || ["splats", "density"].iter().any(|key| settings.is_explicit(key));
     let order = Order {
         labels: inputs.labels.as_ref(),
         goal,
-        measure: Some(Box::new(move |problem, set, splats| {
-            Ok(fidelity::evaluate_fitted(
-                &device,
-                problem,
-                set,
-                splats,
-                (&case.volume, &case.roi),
-                &at_voxels,
-            )?
-            .on_grid)
-        })),
+        measure: Some(fidelity::measured_as_shown(&gpu, (&case.volume, &case.roi), &protocol)),
         rounded: splat::rounds(&arguments.output),
         size: arguments.max_size.map(|bytes| SizeLimit {
             bytes,
-            fill: !others_count,
+            fill: !settings.says_how_many(),
             bytes_of: Box::new(move |set| splat::file_bytes(&files.splats, set, &write)),
         }),
         clock: arguments.time_budget.map(|time| Clock {

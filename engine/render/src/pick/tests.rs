@@ -1,7 +1,6 @@
-use engine::splat::Kernel;
-use reference;
 use reference::eye::Eye;
 use reference::slab::{Sums, field_at, seen};
+use splat::Kernel;
 
 use super::*;
 
@@ -108,7 +107,7 @@ fn wall() -> SplatSet {
 }
 
 fn bone() -> Look {
-    Look::new(engine::transfer::load("CT-Bone", [-1000.0, 2000.0]).expect("a preset"))
+    Look::new(transfer::load("CT-Bone", [-1000.0, 2000.0]).expect("a preset"))
 }
 
 /// Finds the same by the reference implementation, in steps of 0.01 mm: where half of the light is gone.
@@ -162,10 +161,10 @@ fn a_ray_meets_what_is_seen_first() {
     let probe = Probe::new(&set);
     let from = set.origin_mm + DVec3::new(0.0, 10.3, 9.1);
     let hide = |number, visible, opacity| {
-        let appearance = engine::render::Appearance { visible, tint: None, opacity };
+        let appearance = crate::Appearance { visible, tint: None, opacity };
         Look { objects: [(number, appearance)].into(), ..bone() }
     };
-    let plane = engine::render::ClipPlane { normal: DVec3::X, offset: set.origin_mm.x + 55.0 };
+    let plane = crate::ClipPlane { normal: DVec3::X, offset: set.origin_mm.x + 55.0 };
     let cut = Look { clip: vec![plane], ..bone() };
     for (what, look, hidden) in [
         ("all", bone(), None),
@@ -200,7 +199,7 @@ fn rays_that_meet_nothing_say_so() {
     let set = wall();
     let probe = Probe::new(&set);
     let from = set.origin_mm + DVec3::new(0.0, 10.0, 10.0);
-    let nothing = Look::new(engine::transfer::load("window:10,-500", [-1000.0, 2000.0]).expect("a window"));
+    let nothing = Look::new(transfer::load("window:10,-500", [-1000.0, 2000.0]).expect("a window"));
     for (from, direction, look) in [
         (from, DVec3::NEG_X, bone()),
         (from, DVec3::Y, bone()),

@@ -1,4 +1,4 @@
-//! Evaluates the field of the splats on the host, for the point under the cursor.
+//! Evaluates the field of splats on the host: for the point under the cursor, and for a list of points.
 //!
 //! `probe` has all of it: a [`Probe`] is made once from a set of splats and then asked for points and rays.
 

@@ -1,11 +1,11 @@
-//! Evaluates the field of the splats on the host, for the point under the cursor. For splats that are fitted
+//! Evaluates the field of splats on the host, at single points and along rays. For splats that are fitted
 //! for a grid it is the field at the voxels around, interpolated, as mode decoded shows it.
 
 use std::collections::HashMap;
 
-use engine::render::Look;
-use engine::splat::{self, Activations, Field, Form, Splat, SplatSet};
+use crate::Look;
 use glam::{DAffine3, DMat3, DVec3, UVec3};
+use splat::{self, Activations, Field, Form, Splat, SplatSet};
 
 /// Greatest number of cells of the grid.
 const MOST_CELLS: f64 = 4e6;
