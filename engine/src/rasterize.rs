@@ -1,6 +1,6 @@
 //! Splats as a volume again: their field, as it is shown, at the voxels of a grid.
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
 
 use crate::error::Result;
@@ -8,7 +8,7 @@ use crate::fit::evaluate::FieldSample;
 use crate::gpu::Gpu;
 use crate::passes::visit;
 use crate::render::decode;
-use crate::splat::{Form, SplatSet};
+use crate::splat::{Activations, Form, Grid, SplatSet};
 use crate::volume::Volume;
 
 /// A quantity of the field of splats.
@@ -61,6 +61,24 @@ pub fn rasterize(gpu: &Gpu, set: &SplatSet, quantity: Quantity, grid: &mut Volum
     };
     grid.samples = samples;
     done.map(|()| reached)
+}
+
+/// Returns the grid of this spacing, mm, around the reach of a set; its axes are RAS.
+pub fn grid_around(set: &SplatSet, spacing: DVec3) -> Grid {
+    let (low, high) = set
+        .splats
+        .iter()
+        .map(|s| {
+            let mean = DVec3::from_array(s.mean.map(f64::from));
+            let reach = s.reach(set.field.kernel.support_q());
+            (mean - reach, mean + reach)
+        })
+        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
+        .unwrap_or_default();
+    // More than an index can count is as good as the most.
+    let size = (((high - low) / spacing).ceil() + 1.0).to_array().map(|n| n as u32);
+    let affine = DAffine3 { translation: low + set.origin_mm, ..DAffine3::from_scale(spacing) };
+    Grid { size, world_from_voxel: affine }
 }
 
 /// Calls `take` with index and field of the voxels of `grid`, as the set is shown: of those that a splat may reach.

@@ -4,11 +4,11 @@ use std::path::PathBuf;
 
 use clap::{ArgGroup, Args, ValueEnum};
 use engine::fit::place::place;
-use engine::rasterize::{self, rasterize};
-use engine::splat::{Activations, SplatSet, Unplaced};
+use engine::rasterize::{self, grid_around, rasterize};
+use engine::splat::{SplatSet, Unplaced};
 use engine::volume::{Volume, nifti};
 use engine::{Error, Kind, Result};
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
@@ -163,16 +163,8 @@ impl GridArguments {
     fn around(&self, set: &SplatSet, read: &ReadArguments) -> Result<Volume> {
         let options = read.options();
         let spacing = self.spacing.unwrap_or(DVec3::ONE);
-        let (low, high) = set
-            .splats
-            .iter()
-            .map(|s| {
-                let mean = DVec3::from_array(s.mean.map(f64::from));
-                let reach = s.reach(set.field.kernel.support_q());
-                (mean - reach, mean + reach)
-            })
-            .fold((DVec3::INFINITY, DVec3::NEG_INFINITY), |a, b| (a.0.min(b.0), a.1.max(b.1)));
-        let size = ((high - low) / spacing).ceil() + 1.0;
+        let grid = grid_around(set, spacing);
+        let size = DVec3::from_array(grid.size.map(f64::from));
         let bytes = 4.0 * size.x * size.y * size.z;
         if bytes.is_nan() || bytes > options.max_bytes as f64 {
             let message = format!(
@@ -183,8 +175,7 @@ impl GridArguments {
             return Err(Error::new(Kind::Usage, "VGS-CLI-051", message)
                 .help("choose a larger --spacing, or raise --max-bytes"));
         }
-        let size = size.to_array().map(|n| n as usize);
-        let affine = DAffine3 { translation: low + set.origin_mm, ..DAffine3::from_scale(spacing) };
-        Ok(Volume::new(size, affine, vec![0.0; size.iter().product()]))
+        let size = grid.size.map(|n| n as usize);
+        Ok(Volume::new(size, grid.world_from_voxel, vec![0.0; size.iter().product()]))
     }
 }

@@ -1,0 +1,243 @@
+//! A fit, watched by a callable of Python.
+
+use std::ops::ControlFlow;
+use std::time::{Duration, Instant};
+
+use engine::fidelity;
+use engine::fit::evaluate::Protocol;
+use engine::fit::{
+    Beginning, Clock, Count, End, FitConfig, Fitted, Goal, IntensityRange, Order, Plan, Progress, Settings,
+    SizeLimit, Stage, Watch,
+};
+use engine::splat::{self, WriteOptions};
+use engine::{Error, Kind};
+use pyo3::exceptions::PyKeyboardInterrupt;
+use pyo3::prelude::*;
+use pyo3::types::PyDict;
+use serde_json::{Map, Value};
+
+use crate::device::with_device;
+use crate::errors::{Raise, raised};
+use crate::splats::Splats;
+use crate::volume::{Roi, Volume};
+
+/// Least time between two calls of the watching callable.
+const TELL_EVERY: Duration = Duration::from_millis(100);
+
+/// Returns the hyper-parameters: for each its key, what it is, and its default as JSON.
+#[pyfunction]
+pub fn fit_settings() -> Vec<(&'static str, &'static str, String)> {
+    let defaults = Settings::values(&FitConfig::default());
+    FitConfig::FIELDS.iter().map(|field| (field.key, field.doc.trim(), defaults[field.key].to_string())).collect()
+}
+
+/// Fits splats to the region of a volume. `values` is a JSON object of hyper-parameters by key; `watch`, a callable or
+/// None, is called with a dictionary of news and may return False to stop. The result is the splats, and how the fit ended.
+#[pyfunction]
+#[pyo3(signature = (volume, roi, *, profile, quality, values, rounded, max_size, time_budget, device, watch))]
+#[expect(clippy::too_many_arguments, reason = "they are the flags of the command line")]
+pub fn fit<'py>(
+    py: Python<'py>,
+    volume: &Volume,
+    roi: &Roi,
+    profile: &str,
+    quality: Option<&str>,
+    values: &str,
+    rounded: bool,
+    max_size: Option<u64>,
+    time_budget: Option<f64>,
+    device: Option<&str>,
+    watch: Option<Py<PyAny>>,
+) -> PyResult<(Splats, Bound<'py, PyDict>)> {
+    roi.check_on(&volume.0)?;
+    let values: Map<String, Value> = serde_json::from_str(values)
+        .map_err(|e| raised(Settings::wrong_value("the hyper-parameters", &e.to_string())))?;
+    let values: Vec<_> = values.into_iter().collect();
+    let time = time_budget.map(seconds).transpose()?;
+    let limited = max_size.is_some() || time.is_some();
+    let settings = Settings::new(profile, quality, &values, limited).or_raise()?.for_volume(volume.0.is_ct());
+    let mut watching = Watching::new(watch);
+    let done = py.detach(|| {
+        with_device(device, |gpu| {
+            let (volume, region) = (&*volume.0, &*roi.roi);
+            let config = &settings.config;
+            let protocol = protocol(volume, region, config)?;
+            let name = if rounded { "splats.vgs" } else { "splats.ply" };
+            let write = WriteOptions::default();
+            let begun = Instant::now();
+            let order = Order {
+                labels: roi.labels.as_deref(),
+                goal: Goal::of(config, protocol.range, protocol.threshold),
+                measure: Some(fidelity::measured_as_shown(gpu, (volume, region), &protocol)),
+                rounded,
+                size: max_size.map(|bytes| SizeLimit {
+                    bytes,
+                    fill: !settings.says_how_many(),
+                    bytes_of: Box::new(move |set| splat::file_bytes(name.as_ref(), set, &write)),
+                }),
+                clock: time.map(|time| Clock {
+                    begun,
+                    time,
+                    // The default number of iterations is meant for fits without a clock.
+                    iterations: if settings.is_explicit("iterations") { config.iterations } else { u32::MAX },
+                }),
+                ..Order::new(volume, region, config)
+            };
+            let (plan, start) = Plan::new(gpu, order, &mut watching)?;
+            if watching.interrupted && watching.iteration == 0 {
+                return Ok(None);
+            }
+            let Fitted { set, outcome, lacking } = plan.run(start, &mut watching)?;
+            match (outcome.end, lacking) {
+                (End::Failed(error), _) | (_, Some(error)) => Err(error),
+                (End::Finished, None) => Ok(Some((set, outcome.iterations, outcome.seconds, false))),
+                (End::Stopped, None) => Ok(Some((set, outcome.iterations, outcome.seconds, true))),
+            }
+        })
+    });
+    if let Some(error) = watching.error {
+        return Err(error);
+    }
+    let Some((set, iterations, seconds, stopped)) = done.or_raise()? else {
+        return Err(PyKeyboardInterrupt::new_err("stopped before there were splats"));
+    };
+    let told = PyDict::new(py);
+    told.set_item("iterations", iterations)?;
+    told.set_item("seconds", seconds)?;
+    told.set_item("stopped", stopped)?;
+    told.set_item("quality", &settings.quality)?;
+    Ok((Splats::new(set), told))
+}
+
+/// Returns the protocol by which `vgs fit` measures its goal.
+fn protocol(volume: &engine::volume::Volume, roi: &engine::volume::Roi, config: &FitConfig) -> engine::Result<Protocol> {
+    let whole = volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
+    let (range, unweighted) = match config.range {
+        IntensityRange::Roi => (roi.range(volume).unwrap_or(whole), 0.01),
+        IntensityRange::Auto => (whole, 0.0),
+    };
+    Ok(Protocol {
+        offsets: Vec::new(),
+        range,
+        shell: config.shell,
+        threshold: f32::max(unweighted, config.region_threshold),
+    })
+}
+
+fn seconds(time: f64) -> PyResult<Duration> {
+    Some(time).filter(|s| (0.1..1e7).contains(s)).map(Duration::from_secs_f64).ok_or_else(|| {
+        raised(
+            Error::new(Kind::Usage, "VGS-PY-006", format!("a time budget of {time} s"))
+                .help("give seconds, from 0.1 on"),
+        )
+    })
+}
+
+/// Tells a callable how the fit goes, and asks the interpreter for signals.
+struct Watching {
+    watch: Option<Py<PyAny>>,
+    told: Instant,
+    asked: Instant,
+    iteration: u32,
+    /// True if the callable or Ctrl-C wants the fit to stop.
+    stop: bool,
+    interrupted: bool,
+    /// What the callable has raised.
+    error: Option<PyErr>,
+}
+
+impl Watching {
+    fn new(watch: Option<Py<PyAny>>) -> Self {
+        let long_ago = Instant::now() - TELL_EVERY;
+        let (told, asked) = (long_ago, long_ago);
+        Watching { watch, told, asked, iteration: 0, stop: false, interrupted: false, error: None }
+    }
+
+    /// Calls the callable with a dictionary that `fill` makes.
+    fn tell(&mut self, fill: impl FnOnce(&Bound<'_, PyDict>) -> PyResult<()>) {
+        let Some(watch) = &self.watch else { return };
+        if self.stop {
+            return;
+        }
+        self.told = Instant::now();
+        let answer = Python::attach(|py| {
+            let news = PyDict::new(py);
+            fill(&news)?;
+            let answer = watch.bind(py).call1((news,))?;
+            Ok(!answer.is_none() && !answer.is_truthy()?)
+        });
+        match answer {
+            Ok(stop) => self.stop |= stop,
+            Err(error) => self.fail(error),
+        }
+    }
+
+    fn fail(&mut self, error: PyErr) {
+        self.stop = true;
+        let interrupt = Python::attach(|py| error.is_instance_of::<PyKeyboardInterrupt>(py));
+        if interrupt {
+            self.interrupted = true;
+        } else {
+            self.error.get_or_insert(error);
+        }
+    }
+}
+
+impl Watch for Watching {
+    fn begin(&mut self, beginning: &Beginning) {
+        let splats = beginning.splats;
+        self.tell(|news| {
+            news.set_item("stage", "fitting the splats")?;
+            news.set_item("splats", splats)
+        });
+    }
+
+    fn step(&mut self, iteration: u32, share: f64) {
+        self.iteration = iteration;
+        if self.told.elapsed() >= TELL_EVERY {
+            self.tell(|news| {
+                news.set_item("iteration", iteration)?;
+                news.set_item("share", share)
+            });
+        }
+    }
+
+    fn wants_figures(&self) -> bool {
+        self.watch.is_some()
+    }
+
+    fn figures(&mut self, progress: &Progress) {
+        let (iteration, psnr_db) = (progress.iteration, progress.psnr_db);
+        self.tell(|news| {
+            news.set_item("iteration", iteration)?;
+            news.set_item("psnr_db", psnr_db)
+        });
+    }
+
+    fn stops(&mut self) -> bool {
+        if !self.stop && self.asked.elapsed() >= TELL_EVERY {
+            self.asked = Instant::now();
+            if let Err(error) = Python::attach(|py| py.check_signals()) {
+                self.fail(error);
+            }
+        }
+        self.stop
+    }
+
+    fn begin_stage(&mut self, stage: Stage) {
+        self.tell(|news| news.set_item("stage", stage.text()));
+    }
+
+    fn going(&mut self, done: f64) -> ControlFlow<()> {
+        if self.told.elapsed() >= TELL_EVERY {
+            self.tell(|news| news.set_item("share", done));
+        }
+        if self.stops() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
+    }
+
+    fn counted(&mut self, count: &Count) {
+        if let &Count::Found { splats, .. } = count {
+            self.tell(|news| news.set_item("splats", splats));
+        }
+    }
+}

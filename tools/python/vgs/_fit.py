@@ -1,0 +1,109 @@
+"""Fitting."""
+
+from __future__ import annotations
+
+import json
+import logging
+from collections.abc import Callable, Iterable
+from typing import Any
+
+from . import _vgs
+from ._bar import Bar
+from ._splats import SplatSet
+from ._volume import RoiLike, VolumeLike, as_roi, as_volume
+
+#: The hyper-parameters by name: what each is, and its default. ``vgs fit --help`` lists the same, with ``-`` for ``_``.
+SETTINGS: dict[str, tuple[str, Any]] = {key: (doc, json.loads(default)) for key, doc, default in _vgs.fit_settings()}
+
+Progress = Callable[[dict[str, Any]], Any]
+
+
+def fit(
+    volume: VolumeLike,
+    roi: RoiLike,
+    *,
+    quality: str | None = None,
+    profile: str = "default",
+    labels: str | int | Iterable[str | int] | None = None,
+    progress: bool | Progress = True,
+    rounded: bool = False,
+    max_size: int | None = None,
+    time_budget: float | None = None,
+    device: str | int | None = None,
+    **settings: Any,
+) -> SplatSet:
+    """Fits splats to the region of interest of a volume.
+
+    The interpreter's lock is released meanwhile. Ctrl-C ends the fit with the splats that there are, and a warning;
+    :attr:`SplatSet.stopped` is then true. The same seed gives the same bits on the same device, and the bits of
+    ``vgs fit``.
+
+    Args:
+        volume: A :class:`Volume`, a path, an image of nibabel or SimpleITK, or an array [i, j, k].
+        roi: A :class:`Roi`; or a mask, as a path, an image or an array; or the bounds ``(low, high)`` of a threshold, HU.
+        quality: ``"preview"``, ``"standard"`` (99 of 100 voxels within about 30 HU), ``"fine"`` (15 HU) or ``"exact"``
+            (6 HU). None: standard, unless another argument says how good, how many or how long.
+        profile: Hyper-parameters to start from: ``"default"``, ``"vessels"``, ``"bones"``, ``"organs"``, ``"mr"``,
+            ``"field"``, ``"paper"`` or ``"reference"``.
+        labels: Which labels of a mask; see :meth:`Roi.from_mask`. Each splat keeps its label.
+        progress: True: a bar on terminals and in notebooks. A callable is called a few times a second with a dictionary
+            that has some of ``stage`` (text), ``share`` (of the stage, 0 to 1), ``iteration``, ``splats`` and
+            ``psnr_db``; it stops the fit by returning False.
+        rounded: True for splats that will be saved as .vgs, which rounds: they are rounded here and fitted again, as
+            ``vgs fit -o NAME.vgs`` does. The result is a little nearer to the volume.
+        max_size: Most bytes of the file: .vgs if ``rounded``, else .ply.
+        time_budget: Seconds that the fit may take.
+        device: Name or index of the Vulkan device; None: the best one. :func:`devices` lists them.
+        **settings: Any hyper-parameter by name, as ``target_hu=20``, ``density=0.05``, ``iterations=300``, ``seed=1``;
+            :data:`SETTINGS` lists all.
+
+    Returns:
+        The splats, in the space of the patient (mm RAS), with intensities in HU.
+
+    Raises:
+        UsageError: For an unknown argument, or one that cannot work; ``help`` names the nearest one.
+        NothingToDoError: If the region is empty.
+        DeviceUnavailableError: If there is no Vulkan 1.3 device; ``help`` says what to install.
+        KeyboardInterrupt: If Ctrl-C comes before there are splats.
+
+    Example:
+        >>> ct = vgs.read("ct.nii.gz")
+        >>> bones = vgs.fit(ct, (226, 3071), target_hu=30)
+        >>> bones.save("bones.ply")
+    """
+    of = as_volume(volume)
+    region = as_roi(roi, of, labels)
+    bar = Bar() if progress is True else None
+    watch = bar or (progress if callable(progress) else None)
+    try:
+        native, told = _vgs.fit(
+            of._native(),
+            region._native,
+            profile=profile,
+            quality=quality,
+            values=json.dumps(settings, default=_plain),
+            rounded=rounded,
+            max_size=max_size,
+            time_budget=time_budget,
+            device=None if device is None else str(device),
+            watch=watch,
+        )
+    except BaseException:
+        if bar:
+            bar.close("the fit has failed")
+        raise
+    splats = SplatSet(native)
+    splats.seconds = told["seconds"]
+    splats.stopped = told["stopped"]
+    if bar:
+        bar.close(f"{len(splats):,} splats, {told['iterations']} iterations in {told['seconds']:.1f} s")
+    if splats.stopped:
+        logging.getLogger("vgs").warning("the fit was stopped after %d iterations", told["iterations"])
+    return splats
+
+
+def _plain(value: Any) -> Any:
+    """Returns a number of NumPy as one of Python."""
+    if hasattr(value, "tolist"):
+        return value.tolist()
+    raise TypeError(f"a hyper-parameter cannot be {value!r}")

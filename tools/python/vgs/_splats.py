@@ -1,0 +1,361 @@
+"""Splat sets."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Union
+
+import numpy as np
+import numpy.typing as npt
+
+from . import _vgs
+from ._errors import UsageError
+from ._volume import RoiLike, Volume, VolumeLike, as_roi, as_volume
+
+FloatArray = npt.NDArray[np.float32]
+DoubleArray = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True)
+class Evaluation:
+    """How far splats are from their volume, in a region: as what is shown of them. ``vgs eval`` says the same and more.
+
+    Attributes:
+        psnr_db: Peak signal-to-noise ratio at the voxels, dB, over ``range``.
+        rmse: Root mean square error at the voxels, HU.
+        p99: Error that 99 of 100 voxels do not exceed, HU.
+        mean_error: Mean absolute error, HU.
+        occupancy_rmse: Root mean square error of the occupancy against the mask, 0 to 1.
+        soft_dice: Soft Dice coefficient of occupancy and mask, 0 to 1.
+        psnr_db_between: PSNR between the voxels, on grids at sub-voxel offsets, dB.
+        range: Intensities whose difference is the peak of the PSNR, HU.
+    """
+
+    psnr_db: float
+    rmse: float
+    p99: float
+    mean_error: float
+    occupancy_rmse: float
+    soft_dice: float
+    psnr_db_between: list[float]
+    range: list[float]
+
+
+class SplatSet:
+    """Splats: 3D Gaussians that carry an intensity. :func:`fit` makes them, :func:`load` reads them and
+    :meth:`from_arrays` makes them of arrays. A set does not change: :meth:`replace` and indexing make new ones.
+
+    ``splats[mask]``, ``splats[10:20]`` and ``splats[[3, 1]]`` are sets of some of the splats.
+
+    Attributes:
+        seconds: Time of the iterations of the fit, s; None if it was read from a file.
+        stopped: True if its fit was stopped before its end.
+    """
+
+    def __init__(self, native: _vgs.Splats):
+        self._native = native
+        self.seconds: float | None = None
+        self.stopped = False
+
+    @staticmethod
+    def from_arrays(
+        means: npt.ArrayLike,
+        scales: npt.ArrayLike,
+        rotations: npt.ArrayLike,
+        opacities: npt.ArrayLike,
+        intensities: npt.ArrayLike,
+        labels: npt.ArrayLike | None = None,
+        *,
+        kernel: str = "compact",
+        unit: str = "hu",
+        background: float = 0.0,
+        label_names: Mapping[int, str] | None = None,
+    ) -> SplatSet:
+        """Makes a set of arrays.
+
+        Args:
+            means: [N, 3], mm RAS.
+            scales: [N, 3], standard deviations along the splat's axes, mm, above 0.
+            rotations: [N, 4], quaternions w, x, y, z, of any length but 0.
+            opacities: [N], 0 to 1.
+            intensities: [N], HU.
+            labels: [N], 0 to 255, or None.
+            kernel: ``"compact"``, ``"gaussian"`` or ``"density"``.
+            unit: ``"hu"`` or ``"arbitrary"``.
+            background: Intensity where no splat reaches, HU.
+            label_names: Names of labels, by number.
+        """
+        arrays = _arrays(means, scales, rotations, opacities, intensities, labels)
+        names = None if label_names is None else dict(label_names)
+        return SplatSet(
+            _vgs.Splats.of_arrays(arrays, kernel=kernel, unit=unit, background=background, label_names=names)
+        )
+
+    def replace(
+        self,
+        *,
+        means: npt.ArrayLike | None = None,
+        scales: npt.ArrayLike | None = None,
+        rotations: npt.ArrayLike | None = None,
+        opacities: npt.ArrayLike | None = None,
+        intensities: npt.ArrayLike | None = None,
+        labels: npt.ArrayLike | None = None,
+    ) -> SplatSet:
+        """Returns this set with some arrays replaced; shapes and units are those of :meth:`from_arrays`."""
+        arrays = _arrays(
+            self.means if means is None else means,
+            self.scales if scales is None else scales,
+            self.rotations if rotations is None else rotations,
+            self.opacities if opacities is None else opacities,
+            self.intensities if intensities is None else intensities,
+            self.labels if labels is None else labels,
+        )
+        return SplatSet(_vgs.Splats.of_arrays(arrays, like=self._native))
+
+    @property
+    def means(self) -> DoubleArray:
+        """Means [N, 3], mm RAS."""
+        return self._native.means
+
+    @property
+    def scales(self) -> FloatArray:
+        """Standard deviations [N, 3] along the axes of each splat, mm."""
+        return self._native.scales
+
+    @property
+    def rotations(self) -> FloatArray:
+        """Unit quaternions [N, 4], w, x, y, z: from the axes of a splat to RAS."""
+        return self._native.rotations
+
+    @property
+    def covariances(self) -> DoubleArray:
+        """Covariances [N, 3, 3], mm²."""
+        return self._native.covariances
+
+    @property
+    def opacities(self) -> FloatArray:
+        """Opacities [N], 0 to 1."""
+        return self._native.opacities
+
+    @property
+    def intensities(self) -> FloatArray:
+        """Intensities [N], HU of a CT."""
+        return self._native.intensities
+
+    @property
+    def labels(self) -> npt.NDArray[np.uint8] | None:
+        """Labels [N] of the structures that the splats belong to; None if the fit knew none."""
+        return self._native.labels
+
+    @property
+    def label_names(self) -> dict[int, str]:
+        """Names of labels, by number."""
+        return self._native.label_names
+
+    @property
+    def unit(self) -> str:
+        """``"hu"``, or ``"arbitrary"``; ``"luminance"`` for splats of other programs, which have colours."""
+        return self._native.unit
+
+    @property
+    def kernel(self) -> str:
+        """``"compact"``, ``"gaussian"`` or ``"density"``."""
+        return self._native.kernel
+
+    @property
+    def form(self) -> str:
+        """``"field"``: right everywhere. ``"grid"`` and ``"grid-binary"``: right at the voxels of their volume, where
+        they are decoded and interpolated to be shown."""
+        return self._native.form
+
+    @property
+    def iterations(self) -> int | None:
+        """Iterations of the fit; None if they are not known."""
+        return self._native.iterations
+
+    @property
+    def grid(self) -> tuple[tuple[int, int, int], DoubleArray] | None:
+        """Shape and affine of the volume that the splats were fitted to; None if they are not known."""
+        found = self._native.grid
+        if found is None:
+            return None
+        (i, j, k), affine = found
+        return (i, j, k), affine
+
+    def inside(self, low: npt.ArrayLike, high: npt.ArrayLike) -> SplatSet:
+        """Returns the splats whose means lie in the box between two corners, mm RAS."""
+        means = self.means
+        return self[np.all((means >= np.asarray(low)) & (means <= np.asarray(high)), axis=1)]
+
+    def with_label(self, *labels: int | str) -> SplatSet:
+        """Returns the splats of labels, by number or name."""
+        if self.labels is None:
+            raise UsageError("these splats have no labels", "VGS-PY-020", help="fit with labels=")
+        names = {name: number for number, name in self.label_names.items()}
+        unknown = [label for label in labels if isinstance(label, str) and label not in names]
+        if unknown:
+            known = ", ".join(names) or "none"
+            raise UsageError(f"no label is called {unknown[0]!r}", "VGS-PY-021", help=f"labels: {known}")
+        numbers = [names[label] if isinstance(label, str) else label for label in labels]
+        return self[np.isin(self.labels, numbers)]
+
+    def field(self, points: npt.ArrayLike) -> tuple[FloatArray, FloatArray]:
+        """Returns the field at points, as it is shown.
+
+        Args:
+            points: [M, 3], mm RAS.
+
+        Returns:
+            Intensities [M], HU, NaN where no splat reaches; and occupancies [M], 0 to 1.
+        """
+        found = np.ascontiguousarray(np.atleast_2d(np.asarray(points, dtype=np.float64)))
+        if found.ndim != 2 or found.shape[1] != 3:
+            raise UsageError(f"points of shape {found.shape}", "VGS-PY-022", help="give an array [M, 3] of mm RAS")
+        intensity, occupancy = self._native.field(found)
+        return intensity, occupancy
+
+    def rasterize(
+        self,
+        like: VolumeLike | None = None,
+        *,
+        spacing_mm: float | tuple[float, float, float] | None = None,
+        quantity: str = "intensity",
+        outside: float = -1024.0,
+        device: str | int | None = None,
+    ) -> Volume:
+        """Returns the splats as a volume again.
+
+        Args:
+            like: A volume whose grid is taken. None: the grid of the fit.
+            spacing_mm: Or a grid of this spacing around the splats, its axes RAS, mm.
+            quantity: ``"intensity"`` (HU where the occupancy is one half or more), ``"field"`` (HU everywhere),
+                ``"occupancy"`` or ``"weight"``.
+            outside: Intensity where the occupancy is below one half, HU.
+            device: As of :func:`fit`.
+        """
+        shape, affine = self._grid_of(like, spacing_mm)
+        named = None if device is None else str(device)
+        made = self._native.rasterize(
+            list(shape), np.ascontiguousarray(affine), quantity=quantity, outside=outside, device=named
+        )
+        return Volume(**made)
+
+    def evaluate(
+        self,
+        volume: VolumeLike,
+        roi: RoiLike,
+        *,
+        range: tuple[float, float] | None = None,
+        offsets: int = 4,
+        seed: int = 7,
+        device: str | int | None = None,
+    ) -> Evaluation:
+        """Measures the splats against a volume in a region, as ``vgs eval`` does.
+
+        Args:
+            volume: The volume, as of :func:`fit`.
+            roi: The region, as of :func:`fit`.
+            range: Intensities that the PSNR is over, HU; None: the range of the whole volume.
+            offsets: Number of grids between the voxels that are measured as well.
+            seed: Seed of their offsets.
+            device: As of :func:`fit`.
+        """
+        of = as_volume(volume)
+        region = as_roi(roi, of)
+        figures = self._native.evaluate(
+            of._native(),
+            region._native,
+            range=None if range is None else list(range),
+            offsets=offsets,
+            seed=seed,
+            device=None if device is None else str(device),
+        )
+        return Evaluation(**figures)
+
+    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+        """Writes a file, in the format that its extension names.
+
+        Args:
+            path: .ply for all programs; .vgs, which is small and rounded (see ``rounded`` of :func:`fit`).
+            force: Replaces a file that exists.
+
+        Raises:
+            CannotCreateError: If the file exists or its folder does not.
+        """
+        self._native.save(os.fspath(path), force)
+
+    def __len__(self) -> int:
+        return len(self._native)
+
+    def __getitem__(self, which: Any) -> SplatSet:
+        rows = np.arange(len(self))[which]
+        return SplatSet(self._native.of_rows(np.atleast_1d(rows).tolist()))
+
+    def __repr__(self) -> str:
+        intensities = self.intensities
+        span = f", {intensities.min():.0f} to {intensities.max():.0f}" if len(self) else ""
+        unit = " HU" if self.unit == "hu" and span else ""
+        return f"<vgs.SplatSet {len(self):,} splats{span}{unit}, {self.form}>"
+
+    def _repr_png_(self) -> bytes | None:
+        """What a notebook shows: a picture."""
+        from ._render import png, render
+
+        return png(render(self, size=(512, 512))) if len(self) else None
+
+    def _grid_of(
+        self, like: VolumeLike | None, spacing_mm: float | tuple[float, float, float] | None
+    ) -> tuple[tuple[int, int, int], DoubleArray]:
+        if like is not None:
+            of = as_volume(like)
+            return of.shape, of.affine
+        if spacing_mm is not None:
+            spacing = np.broadcast_to(np.asarray(spacing_mm, dtype=np.float64), 3)
+            if not (np.isfinite(spacing).all() and (spacing > 0).all()):
+                raise UsageError(f"a spacing of {spacing_mm} mm", "VGS-PY-023", help="give mm above 0")
+            (i, j, k), affine = self._native.grid_around(spacing.tolist())
+            return (i, j, k), affine
+        if self.grid is None:
+            raise UsageError("the grid of these splats is not known", "VGS-PY-024", help="give like= or spacing_mm=")
+        return self.grid
+
+
+def load(
+    *paths: str | os.PathLike[str], volume: VolumeLike | None = None, roi: RoiLike | None = None
+) -> SplatSet:
+    """Reads splats: .ply, .vgs, .spz, .glb. Several files become one set, whose labels are the files.
+
+    Args:
+        *paths: The files.
+        volume: The volume of a PLY of the paper's authors, which only that can place.
+        roi: Its region.
+    """
+    of = None if volume is None else as_volume(volume)
+    region = None if of is None or roi is None else as_roi(roi, of)
+    return SplatSet(
+        _vgs.Splats.read(
+            [os.fspath(path) for path in paths],
+            None if of is None else of._native(),
+            None if region is None else region._native,
+        )
+    )
+
+
+def _arrays(
+    means: npt.ArrayLike,
+    scales: npt.ArrayLike,
+    rotations: npt.ArrayLike,
+    opacities: npt.ArrayLike,
+    intensities: npt.ArrayLike,
+    labels: npt.ArrayLike | None,
+) -> dict[str, Any]:
+    return {
+        "means": np.ascontiguousarray(means, dtype=np.float64),
+        "scales": np.ascontiguousarray(scales, dtype=np.float32),
+        "rotations": np.ascontiguousarray(rotations, dtype=np.float32),
+        "opacities": np.ascontiguousarray(opacities, dtype=np.float32),
+        "intensities": np.ascontiguousarray(intensities, dtype=np.float32),
+        "labels": None if labels is None else np.ascontiguousarray(labels, dtype=np.uint8),
+    }
