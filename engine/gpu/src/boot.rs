@@ -5,6 +5,10 @@ use ash::vk;
 use super::check;
 use base::error::{Error, Kind, Result};
 
+/// What to do where there is no driver.
+pub(super) const INSTALL: &str = "install the Vulkan driver of the GPU, or a software one (Debian, Ubuntu: apt install \
+                                  libvulkan1 mesa-vulkan-drivers); in a checkout of vgs, tools/setup brings one";
+
 /// A creator of the instance and the device: the engine itself, or a runtime such as OpenXR that insists on
 /// it.
 pub trait Boot {
@@ -35,7 +39,7 @@ impl Boot for Own {
         let instance = unsafe { entry.create_instance(info, None) };
         instance.map_err(|e| {
             Error::new(Kind::Unavailable, "VGS-GPU-002", format!("Vulkan refused an instance: {e}"))
-                .help("a Vulkan driver must be installed; `tools/setup` brings a software driver (lavapipe)")
+                .help(INSTALL)
         })
     }
 

@@ -23,7 +23,7 @@ pub(super) fn choose<'a>(
     };
     if list.is_empty() {
         return Err(Error::new(Kind::Unavailable, "VGS-GPU-004", "no Vulkan device was found")
-            .help("run through tools/vgs, which brings a software driver, or install a GPU driver"));
+            .help(super::boot::INSTALL));
     }
     let chosen = match wanted {
         // A number is an index and never a part of a name, such as that of a version in it.

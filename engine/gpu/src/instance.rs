@@ -25,7 +25,7 @@ impl Instance {
         // SAFETY: loading the Vulkan loader runs its initialisers; it is the system's own library.
         let entry = unsafe { ash::Entry::load() }.map_err(|e| {
             Error::new(Kind::Unavailable, "VGS-GPU-001", format!("no Vulkan loader: {e}"))
-                .help("install a Vulkan driver, or run through tools/vgs, which brings a software driver")
+                .help(super::boot::INSTALL)
         })?;
         // SAFETY: plain enumeration.
         let layers = unsafe { entry.enumerate_instance_layer_properties() }.unwrap_or_default();

@@ -1,7 +1,7 @@
 //! What the file says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the file.
-pub const GROUPS: [(&str, &str); 29] = [
+pub const GROUPS: [(&str, &str); 30] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -30,6 +30,7 @@ pub const GROUPS: [(&str, &str); 29] = [
     ("MEM", "memory of the host"),
     ("OUT", "outputs"),
     ("IO", "reading and writing"),
+    ("PY", "the Python package"),
     ("BEN", "the benchmarks and studies"),
 ];
 
@@ -73,6 +74,10 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("VGS-PLY-010", "a row cannot be read"),
     ("VGS-PLY-024", "the spherical harmonics are not all there"),
     ("VGS-PLY-029", "the volume of the fit is needed to write this layout"),
+    ("VGS-PY-001", "an affine that cannot be one"),
+    ("VGS-PY-002", "something that cannot be, in the package itself"),
+    ("VGS-PY-008", "arrays with something that no splat can have"),
+    ("VGS-PY-018", "an argument that cannot be used"),
     ("VGS-SPZ-001", "the file is damaged, or holds splats that cannot be"),
     ("VGS-ROI-003", "the region of interest is empty"),
     ("VGS-TF-005", "a window that cannot be understood"),

@@ -12,10 +12,11 @@ use super::tokens::Token::{self, Sign, Text, Word};
 use super::tokens::{arguments, around, closing, statement_end, tokens, without_tests};
 
 /// The folders whose sources are read.
-const FOLDERS: [&str; 6] = [
+const FOLDERS: [&str; 7] = [
     "engine",
     "tools/view/src",
     "tools/cli/src",
+    "tools/python/src",
     "xr-app/src",
     "tools/research/bench/src",
     "tools/research/studies/src",

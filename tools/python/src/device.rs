@@ -1,46 +1,61 @@
 //! The devices, each started once: pipelines that one call has compiled serve the next.
 
 use std::collections::HashMap;
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Mutex, MutexGuard, OnceLock, PoisonError};
 
-use engine::Kind;
 use engine::gpu::{self, DeviceDescription, Gpu, GpuOptions};
+use engine::{Error, Kind};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::errors::Raise;
+use crate::errors::{Raise, raised};
 
-/// Devices by process and name.
-type Started = HashMap<(u32, Option<String>), Gpu>;
+/// Devices by the name that was asked for.
+type Started = HashMap<Option<String>, Gpu>;
 
-/// Devices that run, by the process that has started them and the name that was asked for. A process that was forked
-/// cannot use those of its parent.
+/// Devices that run.
 static STARTED: Mutex<Option<Started>> = Mutex::new(None);
+
+/// The process that first did any work.
+static FIRST: OnceLock<u32> = OnceLock::new();
+
+/// Does `work` without the interpreter's lock, and raises its errors.
+///
+/// # Errors
+/// Those of `work`, and an error in a process that was forked from one that did any: the threads that do the work stay
+/// behind, and would be waited for in vain.
+pub fn unlocked<T: Send>(py: Python<'_>, work: impl Send + FnOnce() -> engine::Result<T>) -> PyResult<T> {
+    let here = std::process::id();
+    if *FIRST.get_or_init(|| here) != here {
+        let message = "vgs was used before this process was forked, and its threads stayed in the other one";
+        return Err(raised(Error::new(Kind::Unavailable, "VGS-PY-019", message).help(
+            "start processes anew: multiprocessing.get_context(\"spawn\"), or use vgs in the forked ones alone",
+        )));
+    }
+    py.detach(work).or_raise()
+}
 
 /// Does `work` with the device of this name or index, or with the best one. Call it without the interpreter's lock.
 ///
 /// # Errors
 /// If there is no such device or none that can be used, and those of `work`.
-pub fn with_device<T>(
-    name: Option<&str>,
-    work: impl FnOnce(&Gpu) -> engine::Result<T>,
-) -> engine::Result<T> {
-    let key = (std::process::id(), name.map(str::to_owned));
+pub fn with_device<T>(name: Option<&str>, work: impl FnOnce(&Gpu) -> engine::Result<T>) -> engine::Result<T> {
+    let name = name.map(str::to_owned);
     let gpu = {
         let mut started = started();
         let started = started.get_or_insert_default();
-        match started.get(&key) {
+        match started.get(&name) {
             Some(gpu) => gpu.clone(),
             None => {
-                let gpu = Gpu::new(&GpuOptions { device: key.1.clone(), ..GpuOptions::default() })?;
-                started.entry(key.clone()).or_insert(gpu).clone()
+                let gpu = Gpu::new(&GpuOptions { device: name.clone(), ..GpuOptions::default() })?;
+                started.entry(name.clone()).or_insert(gpu).clone()
             }
         }
     };
     let done = work(&gpu);
     if done.as_ref().is_err_and(|error| error.kind == Kind::Temporary) {
         // A device that was lost stays lost: the next call starts it anew.
-        started().get_or_insert_default().remove(&key);
+        started().get_or_insert_default().remove(&name);
     }
     done
 }
@@ -52,7 +67,7 @@ fn started() -> MutexGuard<'static, Option<Started>> {
 /// Returns the Vulkan devices of this machine, a dictionary each.
 #[pyfunction]
 pub fn devices(py: Python<'_>) -> PyResult<Vec<Bound<'_, PyDict>>> {
-    let found = py.detach(gpu::devices).or_raise()?;
+    let found = unlocked(py, gpu::devices)?;
     found.iter().map(|device| description(py, device)).collect()
 }
 

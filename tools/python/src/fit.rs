@@ -16,7 +16,7 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde_json::{Map, Value};
 
-use crate::device::with_device;
+use crate::device::{unlocked, with_device};
 use crate::errors::{Raise, raised};
 use crate::splats::Splats;
 use crate::volume::{Roi, Volume};
@@ -28,7 +28,10 @@ const TELL_EVERY: Duration = Duration::from_millis(100);
 #[pyfunction]
 pub fn fit_settings() -> Vec<(&'static str, &'static str, String)> {
     let defaults = Settings::values(&FitConfig::default());
-    FitConfig::FIELDS.iter().map(|field| (field.key, field.doc.trim(), defaults[field.key].to_string())).collect()
+    FitConfig::FIELDS
+        .iter()
+        .map(|field| (field.key, field.doc.trim(), defaults[field.key].to_string()))
+        .collect()
 }
 
 /// Fits splats to the region of a volume. `values` is a JSON object of hyper-parameters by key; `watch`, a callable or
@@ -57,7 +60,7 @@ pub fn fit<'py>(
     let limited = max_size.is_some() || time.is_some();
     let settings = Settings::new(profile, quality, &values, limited).or_raise()?.for_volume(volume.0.is_ct());
     let mut watching = Watching::new(watch);
-    let done = py.detach(|| {
+    let done = unlocked(py, || {
         with_device(device, |gpu| {
             let (volume, region) = (&*volume.0, &*roi.roi);
             let config = &settings.config;
@@ -98,7 +101,7 @@ pub fn fit<'py>(
     if let Some(error) = watching.error {
         return Err(error);
     }
-    let Some((set, iterations, seconds, stopped)) = done.or_raise()? else {
+    let Some((set, iterations, seconds, stopped)) = done? else {
         return Err(PyKeyboardInterrupt::new_err("stopped before there were splats"));
     };
     let told = PyDict::new(py);
@@ -110,7 +113,11 @@ pub fn fit<'py>(
 }
 
 /// Returns the protocol by which `vgs fit` measures its goal.
-fn protocol(volume: &engine::volume::Volume, roi: &engine::volume::Roi, config: &FitConfig) -> engine::Result<Protocol> {
+fn protocol(
+    volume: &engine::volume::Volume,
+    roi: &engine::volume::Roi,
+    config: &FitConfig,
+) -> engine::Result<Protocol> {
     let whole = volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
     let (range, unweighted) = match config.range {
         IntensityRange::Roi => (roi.range(volume).unwrap_or(whole), 0.01),

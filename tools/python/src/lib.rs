@@ -32,6 +32,8 @@ mod _vgs {
     #[pymodule_export]
     use super::device::devices;
     #[pymodule_export]
+    use super::errors::usage_error;
+    #[pymodule_export]
     use super::fit::{fit, fit_settings};
     #[pymodule_export]
     use super::render::{compare_pictures, render, transfer_functions};

@@ -17,8 +17,8 @@ use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use serde::Deserialize;
 
-use crate::device::with_device;
-use crate::errors::{Raise, raised};
+use crate::device::{unlocked, with_device};
+use crate::errors::{internal, raised};
 use crate::splats::Splats;
 use crate::volume::{Roi, Volume};
 
@@ -153,7 +153,8 @@ impl Asked {
                 };
                 let opacity = |&[intensity, .., opacity]: &[f64; 5]| OpacityPoint { intensity, opacity };
                 let material = Material { shade: true, ..Material::default() };
-                let (colours, opacities) = (points.iter().map(colour).collect(), points.iter().map(opacity).collect());
+                let (colours, opacities) =
+                    (points.iter().map(colour).collect(), points.iter().map(opacity).collect());
                 TransferFunction::new("points", colours, opacities, material)
             }
         }
@@ -178,12 +179,17 @@ impl Asked {
         for &(normal, offset) in &self.planes {
             let normal = DVec3::from_array(normal);
             let Some(unit) = normal.try_normalize() else {
-                return Err(usage("VGS-PY-013", "a plane without a direction", "give a normal that is not zero"));
+                return Err(usage(
+                    "VGS-PY-013",
+                    "a plane without a direction",
+                    "give a normal that is not zero",
+                ));
             };
             look.clip.push(ClipPlane { normal: unit, offset: offset / normal.length() });
         }
         let change = |text: &String| {
-            text.parse::<ObjectChange>().map_err(|e| usage("VGS-PY-014", format!("{text:?}: {e}"), ""))
+            text.parse::<ObjectChange>()
+                .map_err(|e| usage("VGS-PY-014", format!("the look of an object, {text:?}: {e}"), ""))
         };
         let changes = self.objects.iter().map(change).collect::<engine::Result<Vec<_>>>()?;
         for change in changes.into_iter().chain(self.hide.iter().map(|name| ObjectChange::hiding(name))) {
@@ -204,8 +210,9 @@ pub fn render<'py>(
     roi: Option<&Roi>,
     device: Option<&str>,
 ) -> PyResult<Bound<'py, PyArray3<f32>>> {
-    let asked: Asked = serde_json::from_str(asked)
-        .map_err(|e| raised(usage("VGS-PY-015", format!("the settings of the picture: {e}"), "see help(vgs.render)")))?;
+    let asked: Asked = serde_json::from_str(asked).map_err(|e| {
+        raised(usage("VGS-PY-015", format!("the settings of the picture: {e}"), "see help(vgs.render)"))
+    })?;
     if let (Some(roi), Some(volume)) = (roi, volume) {
         roi.check_on(&volume.0)?;
     }
@@ -217,7 +224,11 @@ pub fn render<'py>(
         if row.of_splats != splats.is_some() {
             let what = if row.of_splats { "splats" } else { "a volume" };
             let message = format!("mode {:?} renders {what}", row.name);
-            return Err(usage("VGS-PY-016", message, "leave mode out, and it is the one that suits what is rendered"));
+            return Err(usage(
+                "VGS-PY-016",
+                message,
+                "leave mode out, and it is the one that suits what is rendered",
+            ));
         }
         let range = match (splats, volume) {
             (Some(splats), _) => splats.0.intensity_range(),
@@ -227,7 +238,9 @@ pub fn render<'py>(
         let unit = match (splats, volume) {
             (Some(splats), _) => splats.0.unit,
             (None, Some(volume)) => volume.0.unit(),
-            (None, None) => return Err(usage("VGS-PY-017", "a picture of nothing", "give splats or a volume")),
+            (None, None) => {
+                return Err(usage("VGS-PY-017", "a picture of nothing", "give splats or a volume"));
+            }
         };
         let look = asked.look(splats, range.unwrap_or([0.0, 1.0]), transfer::first(unit))?;
         let region = roi.map(|roi| &*roi.roi);
@@ -235,21 +248,17 @@ pub fn render<'py>(
         let source = shown.as_ref().map(|(volume, roi)| VolumeSource { volume, roi: roi.as_deref() });
         with_device(device, |gpu| {
             let scene = Scene::new(gpu, splats.map(|splats| &*splats.0), source.as_ref(), &look)?;
-            let settings = Quality {
-                step: asked.step.unwrap_or(row.step),
-                precise: true,
-                ..Quality::new(asked.size)
-            };
+            let settings =
+                Quality { step: asked.step.unwrap_or(row.step), precise: true, ..Quality::new(asked.size) };
             let mut renderer = Renderer::new(gpu, row, &scene, &settings)?;
             renderer.render(&scene, &[asked.camera(&scene)?])?;
             renderer.target.read_colour(0)
         })
     };
-    let pixels = py.detach(drawn).or_raise()?;
+    let pixels = unlocked(py, drawn)?;
     let [width, height] = asked.size.map(|n| n as usize);
     let flat = bytemuck::cast_vec::<[f32; 4], f32>(pixels);
-    let picture = Array3::from_shape_vec((height, width, 4), flat)
-        .map_err(|e| raised(Error::new(Kind::Internal, "VGS-PY-002", e.to_string())))?;
+    let picture = Array3::from_shape_vec((height, width, 4), flat).map_err(internal)?;
     Ok(picture.into_pyarray(py))
 }
 
@@ -273,7 +282,7 @@ pub fn compare_pictures<'py>(
         Image { size: [width, height], pixels }
     });
     let measured = || Ok((image::psnr(&a, &b)?, image::ssim(&a, &b)?, image::flip(&a, &b)?.mean));
-    let (psnr_db, ssim, flip) = py.detach(measured).or_raise()?;
+    let (psnr_db, ssim, flip) = unlocked(py, measured)?;
     let dictionary = PyDict::new(py);
     dictionary.set_item("psnr_db", psnr_db)?;
     dictionary.set_item("ssim", ssim)?;

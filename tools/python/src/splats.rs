@@ -1,6 +1,7 @@
 //! Splat sets as arrays, their files, their field, and how far it is from a volume.
 
 use std::collections::BTreeMap;
+use std::ops::RangeInclusive;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -15,15 +16,13 @@ use engine::volume;
 use engine::{Error, Kind};
 use glam::{DMat3, DVec3};
 use numpy::ndarray::{Array1, Array2, Array3};
-use numpy::{
-    IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2,
-};
+use numpy::{IntoPyArray, PyArray1, PyArray2, PyArray3, PyReadonlyArray1, PyReadonlyArray2};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 use rayon::prelude::*;
 
-use crate::device::with_device;
-use crate::errors::{Raise, raised};
+use crate::device::{unlocked, with_device};
+use crate::errors::{internal, raised};
 use crate::volume::{Roi, Volume, affine_of, keywords, matrix_of};
 
 /// A splat set of the engine.
@@ -35,18 +34,14 @@ impl Splats {
         Splats(Arc::new(set))
     }
 
-    fn rows<T: Send + Clone, const N: usize>(
-        &self,
-        of: impl Fn(&splat::Splat) -> [T; N] + Sync + Send,
-    ) -> PyResult<Array2<T>> {
-        let flat: Vec<T> = self.0.splats.par_iter().flat_map_iter(|s| of(s).into_iter()).collect();
-        Array2::from_shape_vec((self.0.splats.len(), N), flat).map_err(wrong_shape)
+    fn rows<T, const N: usize>(&self, of: impl Fn(&splat::Splat) -> [T; N]) -> PyResult<Array2<T>> {
+        let flat: Vec<T> = self.0.splats.iter().flat_map(of).collect();
+        Array2::from_shape_vec((self.0.splats.len(), N), flat).map_err(internal)
     }
 }
 
-fn wrong_shape(error: numpy::ndarray::ShapeError) -> PyErr {
-    raised(Error::new(Kind::Internal, "VGS-PY-002", error.to_string()))
-}
+/// ln σ of splats.
+const LOG_SCALES: RangeInclusive<f32> = -activation::LOG_SCALE_LIMIT..=activation::LOG_SCALE_LIMIT;
 
 /// Arrays of a new set, [splat, ...].
 #[derive(FromPyObject)]
@@ -61,8 +56,8 @@ pub struct Arrays<'py> {
 }
 
 impl Arrays<'_> {
-    /// Returns these splats with the statements of `like`.
-    fn set(&self, like: &SplatSet) -> PyResult<SplatSet> {
+    /// Fails if the arrays are not of one number of splats.
+    fn check(&self) -> PyResult<()> {
         let count = self.means.as_array().shape()[0];
         let shapes = [
             ("means", self.means.as_array().shape() == [count, 3]),
@@ -73,12 +68,20 @@ impl Arrays<'_> {
             ("labels", self.labels.as_ref().is_none_or(|labels| labels.as_array().len() == count)),
         ];
         if let Some((name, _)) = shapes.iter().find(|(_, right)| !right) {
-            let help = format!("means decide on {count} splats: N x 3 means and scales, N x 4 rotations, N of the others");
+            let help = format!(
+                "means decide on {count} splats: N x 3 means and scales, N x 4 rotations, N of the others"
+            );
             return Err(raised(
                 Error::new(Kind::Usage, "VGS-PY-007", format!("{name} have another shape than the means"))
                     .help(help),
             ));
         }
+        Ok(())
+    }
+
+    /// Returns these splats, whose shapes are checked, with the statements of `like`.
+    fn set(&self, like: &SplatSet) -> PyResult<SplatSet> {
+        let count = self.means.as_array().shape()[0];
         let (means, scales, rotations) =
             (self.means.as_array(), self.scales.as_array(), self.rotations.as_array());
         let (opacities, intensities) = (self.opacities.as_array(), self.intensities.as_array());
@@ -92,8 +95,10 @@ impl Arrays<'_> {
                 ..splat::Splat::default()
             };
             let scale = [0, 1, 2].map(|k| scales[[i, k]]);
-            let bad = if scale.iter().any(|s| !(*s > 0.0 && s.is_finite())) {
+            let bad = if scale.iter().any(|s| !LOG_SCALES.contains(&s.ln())) {
                 Some(format!("scales of {scale:?} mm"))
+            } else if (0..4).all(|k| rotations[[i, k]] == 0.0) {
+                Some("its quaternion is zero".to_owned())
             } else if !(0.0..=1.0).contains(&opacities[i]) {
                 Some(format!("an opacity of {}", opacities[i]))
             } else {
@@ -102,10 +107,9 @@ impl Arrays<'_> {
             splat.set_scale(scale);
             splat.set_opacity(opacities[i]);
             if let Some(why) = bad.or_else(|| splat::defect(&splat).map(str::to_owned)) {
-                return Err(raised(
-                    Error::new(Kind::Usage, "VGS-PY-008", format!("splat {i}: {why}"))
-                        .help("means, scales above 0 and intensities are finite numbers, opacities from 0 to 1"),
-                ));
+                return Err(raised(Error::new(Kind::Usage, "VGS-PY-008", format!("splat {i}: {why}")).help(
+                    "means, scales above 0 and intensities are finite numbers, opacities from 0 to 1",
+                )));
             }
             splats.push(splat);
         }
@@ -127,11 +131,13 @@ impl Splats {
         background: Option<f32>,
         label_names: Option<BTreeMap<u8, String>>,
     ) -> PyResult<Self> {
-        let mut base = like.map_or_else(SplatSet::default, |like| SplatSet { splats: Vec::new(), ..(*like.0).clone() });
+        let mut base =
+            like.map_or_else(SplatSet::default, |like| SplatSet { splats: Vec::new(), ..(*like.0).clone() });
+        arrays.check()?;
         if like.is_none()
             && let Some(first) = arrays.means.as_array().outer_iter().next()
         {
-            base.origin_mm = DVec3::new(first[0].round(), first[1].round(), first[2].round());
+            base.origin_mm = DVec3::from_array([0, 1, 2].map(|k| first[k].round()));
         }
         if let Some(name) = kernel {
             base.field.kernel = Kernel::from_name(name).ok_or_else(|| {
@@ -159,26 +165,29 @@ impl Splats {
     /// Reads one or several files as one set, whose objects are named after the files.
     #[staticmethod]
     #[pyo3(signature = (paths, volume, roi))]
-    fn read(py: Python<'_>, paths: Vec<PathBuf>, volume: Option<&Volume>, roi: Option<&Roi>) -> PyResult<Self> {
+    fn read(
+        py: Python<'_>,
+        paths: Vec<PathBuf>,
+        volume: Option<&Volume>,
+        roi: Option<&Roi>,
+    ) -> PyResult<Self> {
         let read = || {
-            splat::read_all(&paths, || {
-                Ok(volume.map(|volume| place(&volume.0, roi.map(|roi| &*roi.roi))))
-            })
+            splat::read_all(&paths, || Ok(volume.map(|volume| place(&volume.0, roi.map(|roi| &*roi.roi)))))
         };
-        Ok(Splats::new(py.detach(read).or_raise()?))
+        Ok(Splats::new(unlocked(py, read)?))
     }
 
     /// Writes a file, in the format that its extension names.
     #[pyo3(signature = (path, force))]
     fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
         let options = WriteOptions { force, ..WriteOptions::default() };
-        py.detach(|| splat::write_as(&path, &self.0, &options)).or_raise()
+        unlocked(py, || splat::write_as(&path, &self.0, &options))
     }
 
     /// Returns the bytes of a file of this extension.
     fn file_bytes(&self, py: Python<'_>, extension: &str) -> PyResult<u64> {
         let name = format!("splats.{extension}");
-        py.detach(|| splat::file_bytes(Path::new(&name), &self.0, &WriteOptions::default())).or_raise()
+        unlocked(py, || splat::file_bytes(Path::new(&name), &self.0, &WriteOptions::default()))
     }
 
     fn __len__(&self) -> usize {
@@ -219,8 +228,8 @@ impl Splats {
             let (axes, scale) = (s.axes(), DVec3::from_array(s.scale().map(f64::from)));
             (axes * DMat3::from_diagonal(scale * scale) * axes.transpose()).transpose().to_cols_array()
         };
-        let flat: Vec<f64> = self.0.splats.par_iter().flat_map_iter(covariance).collect();
-        let whole = Array3::from_shape_vec((self.0.splats.len(), 3, 3), flat).map_err(wrong_shape)?;
+        let flat: Vec<f64> = self.0.splats.iter().flat_map(covariance).collect();
+        let whole = Array3::from_shape_vec((self.0.splats.len(), 3, 3), flat).map_err(internal)?;
         Ok(whole.into_pyarray(py))
     }
 
@@ -277,7 +286,9 @@ impl Splats {
     /// Size and affine of the grid that the splats were fitted on, or None.
     #[getter]
     fn grid<'py>(&self, py: Python<'py>) -> Option<([u32; 3], Bound<'py, PyArray2<f64>>)> {
-        self.0.grid.map(|Grid { size, world_from_voxel }| (size, matrix_of(&world_from_voxel).into_pyarray(py)))
+        self.0
+            .grid
+            .map(|Grid { size, world_from_voxel }| (size, matrix_of(&world_from_voxel).into_pyarray(py)))
     }
 
     /// Name of the mode that shows these splats by default.
@@ -291,15 +302,17 @@ impl Splats {
         &self,
         py: Python<'py>,
         points: PyReadonlyArray2<'_, f64>,
-    ) -> [Bound<'py, PyArray1<f32>>; 2] {
+    ) -> PyResult<[Bound<'py, PyArray1<f32>>; 2]> {
         let points: Vec<DVec3> =
             points.as_array().outer_iter().map(|p| DVec3::new(p[0], p[1], p[2])).collect();
-        let (intensity, occupancy): (Vec<f32>, Vec<f32>) = py.detach(|| {
+        let (intensity, occupancy): (Vec<f32>, Vec<f32>) = unlocked(py, || {
             let probe = Probe::new(&self.0);
-            let at = |&x: &DVec3| probe.at(x).map_or((f32::NAN, 0.0), |r| (r.intensity as f32, r.occupancy as f32));
-            points.par_iter().map(at).unzip()
-        });
-        [intensity, occupancy].map(|values| Array1::from_vec(values).into_pyarray(py))
+            let at = |&x: &DVec3| {
+                probe.at(x).map_or((f32::NAN, 0.0), |r| (r.intensity as f32, r.occupancy as f32))
+            };
+            Ok(points.par_iter().map(at).unzip())
+        })?;
+        Ok([intensity, occupancy].map(|values| Array1::from_vec(values).into_pyarray(py)))
     }
 
     /// Returns size and affine of a grid of this spacing, mm, around the splats.
@@ -340,7 +353,7 @@ impl Splats {
             grid.stated_unit = Some(self.0.unit);
             Ok(grid)
         };
-        keywords(py, py.detach(made).or_raise()?)
+        keywords(py, unlocked(py, made)?)
     }
 
     /// Measures the splats against a volume in a region, as what is shown of them.
@@ -377,20 +390,21 @@ impl Splats {
                 })
             })
         };
-        figures(py, &py.detach(evaluated).or_raise()?)
+        figures(py, &unlocked(py, evaluated)?)
     }
 }
 
+/// Returns the figures by the names that they have in the JSON of `vgs eval`.
 fn figures<'py>(py: Python<'py>, evaluation: &Evaluation) -> PyResult<Bound<'py, PyDict>> {
     let at = &evaluation.on_grid;
     let dictionary = PyDict::new(py);
     dictionary.set_item("psnr_db", at.psnr_db)?;
-    dictionary.set_item("rmse", at.rmse_hu)?;
-    dictionary.set_item("p99", at.p99_hu)?;
-    dictionary.set_item("mean_error", at.mean_error_hu)?;
-    dictionary.set_item("occupancy_rmse", at.occupancy_rmse)?;
+    dictionary.set_item("psnr_mean_offset_db", evaluation.mean_psnr_db())?;
+    dictionary.set_item("psnr_min_offset_db", evaluation.worst_psnr_db())?;
+    dictionary.set_item("rmse_hu", at.rmse_hu)?;
+    dictionary.set_item("p99_hu", at.p99_hu)?;
+    dictionary.set_item("occupancy_rmse_on_grid", at.occupancy_rmse)?;
     dictionary.set_item("soft_dice", at.soft_dice)?;
-    dictionary.set_item("psnr_db_between", evaluation.between.iter().map(|m| m.psnr_db).collect::<Vec<_>>())?;
     dictionary.set_item("range", evaluation.range)?;
     Ok(dictionary)
 }

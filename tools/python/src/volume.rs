@@ -13,7 +13,8 @@ use numpy::{IntoPyArray, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
 use pyo3::types::PyDict;
 
-use crate::errors::{Raise, raised};
+use crate::device::unlocked;
+use crate::errors::{internal, raised};
 
 /// A volume of the engine.
 #[pyclass(frozen, module = "vgs._vgs")]
@@ -51,7 +52,7 @@ pub fn matrix_of(affine: &DAffine3) -> Array2<f64> {
 pub fn array_of<T>(size: [usize; 3], voxels: Vec<T>) -> PyResult<Array3<T>> {
     let [i, j, k] = size;
     let whole = Array3::from_shape_vec((i, j, k).f(), voxels);
-    whole.map_err(|e| raised(Error::new(Kind::Internal, "VGS-PY-002", e.to_string())))
+    whole.map_err(internal)
 }
 
 #[pymethods]
@@ -74,7 +75,7 @@ impl Volume {
             None => view.t().iter().copied().collect(),
         };
         let &[i, j, k] = view.shape() else {
-            return Err(raised(Error::new(Kind::Internal, "VGS-PY-002", "an array without three axes")));
+            return Err(internal("an array without three axes"));
         };
         if samples.is_empty() {
             return Err(raised(
@@ -95,11 +96,10 @@ impl Volume {
     /// Writes a NIfTI file.
     #[pyo3(signature = (path, force))]
     fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
-        py.detach(|| {
+        unlocked(py, || {
             nifti::check_name(&path)?;
             nifti::write(&path, &self.0, force)
         })
-        .or_raise()
     }
 
     #[getter]
@@ -155,7 +155,7 @@ pub fn read_volume<'py>(
         max_bytes: max_bytes.unwrap_or(default.max_bytes),
         ..default
     };
-    keywords(py, py.detach(|| volume::Volume::read(&path, &options)).or_raise()?)
+    keywords(py, unlocked(py, || volume::Volume::read(&path, &options))?)
 }
 
 /// Reads a mask of a volume, likewise; the labels that will be chosen decide which structures of DICOM are read.
@@ -169,7 +169,7 @@ pub fn read_mask<'py>(
 ) -> PyResult<Bound<'py, PyDict>> {
     let choice = choice_of(labels)?;
     let read = || volume::Volume::read_mask(&path, &ReadOptions::default(), &choice, &volume.0);
-    keywords(py, py.detach(read).or_raise()?)
+    keywords(py, unlocked(py, read)?)
 }
 
 /// A region of interest, and the labels of its structures if some were chosen.
@@ -211,7 +211,7 @@ impl Roi {
             let roi = volume::Roi::from_mask(&mask.0, &choice, &volume.0)?;
             Ok(Roi::of(roi, Labels::chosen(&mask.0, &choice, &volume.0)?, &volume.0))
         };
-        py.detach(made).or_raise()
+        unlocked(py, made)
     }
 
     /// Returns the voxels from `low` to `high`, cleaned.
@@ -233,7 +233,7 @@ impl Roi {
             cleaning.check()?;
             Ok(Roi::of(cleaning.region(&volume.0, low, high)?, None, &volume.0))
         };
-        py.detach(made).or_raise()
+        unlocked(py, made)
     }
 
     /// Returns the weights, 0 to 1, as an array [i, j, k].

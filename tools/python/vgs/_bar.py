@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import importlib
 import sys
 import time
 from typing import Any
@@ -76,6 +77,4 @@ def _notebook_handle() -> Any:
     """Returns a place in the output of a notebook's cell, or None outside of notebooks."""
     if "ipykernel" not in sys.modules:
         return None
-    from IPython.display import display
-
-    return display(_Line("preparing the fit"), display_id=True)
+    return importlib.import_module("IPython.display").display(_Line("preparing the fit"), display_id=True)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from . import _vgs
+
 
 class Error(Exception):
     """An error of vgs.
@@ -15,7 +17,7 @@ class Error(Exception):
         exit_code: The exit code of the program ``vgs`` for such an error.
     """
 
-    def __init__(self, message: str, code: str = "", file: str | None = None, help: str = "", exit_code: int = 70):
+    def __init__(self, message: str, code: str, file: str | None = None, help: str = "", exit_code: int = 2):
         super().__init__(message)
         self.message = message
         self.code = code
@@ -70,3 +72,8 @@ class ReadWriteError(Error, OSError):
 
 class TemporaryError(Error, RuntimeError):
     """Device lost or out of its memory: trying again may help."""
+
+
+def usage_error(message: str, help: str) -> Error:
+    """Returns the error of an argument that cannot be used."""
+    return _vgs.usage_error(message, help)

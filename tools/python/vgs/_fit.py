@@ -9,6 +9,7 @@ from typing import Any
 
 from . import _vgs
 from ._bar import Bar
+from ._json import as_json
 from ._splats import SplatSet
 from ._volume import RoiLike, VolumeLike, as_roi, as_volume
 
@@ -81,7 +82,7 @@ def fit(
             region._native,
             profile=profile,
             quality=quality,
-            values=json.dumps(settings, default=_plain),
+            values=as_json(settings),
             rounded=rounded,
             max_size=max_size,
             time_budget=time_budget,
@@ -100,10 +101,3 @@ def fit(
     if splats.stopped:
         logging.getLogger("vgs").warning("the fit was stopped after %d iterations", told["iterations"])
     return splats
-
-
-def _plain(value: Any) -> Any:
-    """Returns a number of NumPy as one of Python."""
-    if hasattr(value, "tolist"):
-        return value.tolist()
-    raise TypeError(f"a hyper-parameter cannot be {value!r}")

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 import struct
 import zlib
@@ -14,7 +13,8 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _vgs
-from ._errors import UsageError
+from ._errors import usage_error
+from ._json import as_json
 from ._splats import SplatSet, load
 from ._volume import RoiLike, Volume, VolumeLike, as_roi, as_volume
 
@@ -49,7 +49,7 @@ class Camera:
         OpenGL and VTK."""
         matrix = np.asarray(world_from_camera, dtype=np.float64)
         if matrix.shape != (4, 4):
-            raise UsageError(f"a pose of shape {matrix.shape}", "VGS-PY-025", help="give a matrix of 4 x 4 numbers")
+            raise usage_error(f"a pose of shape {matrix.shape}", help="give a matrix of 4 x 4 numbers")
         eye = matrix[:3, 3]
         return Camera(eye.tolist(), (eye - matrix[:3, 2]).tolist(), matrix[:3, 1].tolist(), fov)
 
@@ -138,7 +138,7 @@ def render(
     }
     behind = _background(background)
     picture = _vgs.render(
-        json.dumps(asked),
+        as_json(asked),
         splats=splats,
         volume=volume,
         roi=region,
@@ -196,7 +196,7 @@ def _shown(
         what = load(what)
     if isinstance(what, SplatSet):
         if roi is not None:
-            raise UsageError("a region, and splats", "VGS-PY-026", help="splats are shown whole: choose with splats[...]")
+            raise usage_error("a region, and splats", help="splats are shown whole: choose with splats[...]")
         return what._native, None, None
     volume: Volume = as_volume(what)
     return None, volume._native(), None if roi is None else as_roi(roi, volume)._native
@@ -240,8 +240,8 @@ def _background(background: str | tuple[float, float, float] | None) -> tuple[fl
     try:
         red, green, blue = bytes.fromhex(background.removeprefix("#"))
     except ValueError:
-        raise UsageError(
-            f"no colour is called {background!r}", "VGS-PY-027", help="black, white, grey, #rrggbb, or None"
+        raise usage_error(
+            f"no colour is called {background!r}", help="black, white, grey, #rrggbb, or None"
         ) from None
     return red / 255, green / 255, blue / 255
 
@@ -249,6 +249,6 @@ def _background(background: str | tuple[float, float, float] | None) -> tuple[fl
 def _picture(picture: npt.ArrayLike) -> npt.NDArray[np.float32]:
     found = np.asarray(picture)
     if found.ndim != 3 or found.shape[2] not in (3, 4):
-        raise UsageError(f"a picture of shape {found.shape}", "VGS-PY-028", help="give [height, width, 3]")
+        raise usage_error(f"a picture of shape {found.shape}", help="give [height, width, 3]")
     scale = 255.0 if found.dtype.kind in "ui" else 1.0
     return np.ascontiguousarray(found[..., :3] / scale, dtype=np.float32)

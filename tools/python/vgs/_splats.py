@@ -11,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _vgs
-from ._errors import UsageError
+from ._errors import usage_error
 from ._volume import RoiLike, Volume, VolumeLike, as_roi, as_volume
 
 FloatArray = npt.NDArray[np.float32]
@@ -24,22 +24,22 @@ class Evaluation:
 
     Attributes:
         psnr_db: Peak signal-to-noise ratio at the voxels, dB, over ``range``.
-        rmse: Root mean square error at the voxels, HU.
-        p99: Error that 99 of 100 voxels do not exceed, HU.
-        mean_error: Mean absolute error, HU.
-        occupancy_rmse: Root mean square error of the occupancy against the mask, 0 to 1.
+        psnr_mean_offset_db: Its mean between the voxels, on grids at sub-voxel offsets, dB; NaN without such grids.
+        psnr_min_offset_db: The worst of these.
+        rmse_hu: Root mean square error at the voxels, HU.
+        p99_hu: Error that 99 of 100 voxels do not exceed, HU.
+        occupancy_rmse_on_grid: Root mean square error of the occupancy against the mask, 0 to 1.
         soft_dice: Soft Dice coefficient of occupancy and mask, 0 to 1.
-        psnr_db_between: PSNR between the voxels, on grids at sub-voxel offsets, dB.
         range: Intensities whose difference is the peak of the PSNR, HU.
     """
 
     psnr_db: float
-    rmse: float
-    p99: float
-    mean_error: float
-    occupancy_rmse: float
+    psnr_mean_offset_db: float
+    psnr_min_offset_db: float
+    rmse_hu: float
+    p99_hu: float
+    occupancy_rmse_on_grid: float
     soft_dice: float
-    psnr_db_between: list[float]
     range: list[float]
 
 
@@ -192,12 +192,12 @@ class SplatSet:
     def with_label(self, *labels: int | str) -> SplatSet:
         """Returns the splats of labels, by number or name."""
         if self.labels is None:
-            raise UsageError("these splats have no labels", "VGS-PY-020", help="fit with labels=")
+            raise usage_error("these splats have no labels", help="fit with labels=")
         names = {name: number for number, name in self.label_names.items()}
         unknown = [label for label in labels if isinstance(label, str) and label not in names]
         if unknown:
             known = ", ".join(names) or "none"
-            raise UsageError(f"no label is called {unknown[0]!r}", "VGS-PY-021", help=f"labels: {known}")
+            raise usage_error(f"no label is called {unknown[0]!r}", help=f"labels: {known}")
         numbers = [names[label] if isinstance(label, str) else label for label in labels]
         return self[np.isin(self.labels, numbers)]
 
@@ -212,7 +212,7 @@ class SplatSet:
         """
         found = np.ascontiguousarray(np.atleast_2d(np.asarray(points, dtype=np.float64)))
         if found.ndim != 2 or found.shape[1] != 3:
-            raise UsageError(f"points of shape {found.shape}", "VGS-PY-022", help="give an array [M, 3] of mm RAS")
+            raise usage_error(f"points of shape {found.shape}", help="give an array [M, 3] of mm RAS")
         intensity, occupancy = self._native.field(found)
         return intensity, occupancy
 
@@ -314,11 +314,11 @@ class SplatSet:
         if spacing_mm is not None:
             spacing = np.broadcast_to(np.asarray(spacing_mm, dtype=np.float64), 3)
             if not (np.isfinite(spacing).all() and (spacing > 0).all()):
-                raise UsageError(f"a spacing of {spacing_mm} mm", "VGS-PY-023", help="give mm above 0")
+                raise usage_error(f"a spacing of {spacing_mm} mm", help="give mm above 0")
             (i, j, k), affine = self._native.grid_around(spacing.tolist())
             return (i, j, k), affine
         if self.grid is None:
-            raise UsageError("the grid of these splats is not known", "VGS-PY-024", help="give like= or spacing_mm=")
+            raise usage_error("the grid of these splats is not known", help="give like= or spacing_mm=")
         return self.grid
 
 

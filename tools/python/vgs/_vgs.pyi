@@ -6,6 +6,8 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from ._errors import Error
+
 Floats = npt.NDArray[np.float32]
 Doubles = npt.NDArray[np.float64]
 
@@ -149,3 +151,4 @@ def render(
 def transfer_functions() -> list[tuple[str, str, str]]: ...
 def compare_pictures(a: Floats, b: Floats) -> dict[str, float]: ...
 def devices() -> list[dict[str, Any]]: ...
+def usage_error(message: str, help: str) -> Error: ...

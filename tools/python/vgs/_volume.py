@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 from collections.abc import Iterable, Mapping
 from typing import TYPE_CHECKING, Any, Union
@@ -10,7 +11,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _vgs
-from ._errors import UsageError
+from ._errors import usage_error
 
 if TYPE_CHECKING:
     from ._splats import SplatSet
@@ -96,19 +97,17 @@ class Volume:
 
     def to_nibabel(self) -> Any:
         """Returns a ``nibabel.Nifti1Image`` of the same samples, without a copy."""
-        import nibabel
-
+        nibabel: Any = importlib.import_module("nibabel")
         image = nibabel.Nifti1Image(self.array, self.affine)
         image.header.set_xyzt_units("mm")
         return image
 
     def to_sitk(self) -> Any:
         """Returns a ``SimpleITK.Image``, LPS as SimpleITK has it; the samples are copied."""
-        import SimpleITK
-
+        simpleitk: Any = importlib.import_module("SimpleITK")
         lps = np.diag([-1.0, -1.0, 1.0]) @ self.affine[:3]
         spacing = np.linalg.norm(lps[:, :3], axis=0)
-        image = SimpleITK.GetImageFromArray(self.array.T)
+        image = simpleitk.GetImageFromArray(self.array.T)
         image.SetSpacing(spacing.tolist())
         image.SetDirection((lps[:, :3] / spacing).ravel().tolist())
         image.SetOrigin(lps[:, 3].tolist())
@@ -286,13 +285,12 @@ def as_volume(what: VolumeLike, like: Volume | None = None) -> Volume:
     if hasattr(what, "affine") and hasattr(what, "dataobj"):  # nibabel
         return Volume(np.asanyarray(what.dataobj), what.affine)
     if all(hasattr(what, name) for name in ("GetSpacing", "GetDirection", "GetOrigin")):  # SimpleITK
-        import SimpleITK
-
+        simpleitk: Any = importlib.import_module("SimpleITK")
         direction = np.array(what.GetDirection()).reshape(3, 3)
         affine = np.eye(4)
         affine[:3, :3] = direction * np.array(what.GetSpacing())
         affine[:3, 3] = what.GetOrigin()
-        return Volume(SimpleITK.GetArrayViewFromImage(what).T, np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine)
+        return Volume(simpleitk.GetArrayViewFromImage(what).T, np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine)
     if like is not None:
         return Volume(what, like.affine, oriented=like._oriented)
     return Volume(what)
@@ -317,17 +315,15 @@ def _labels(labels: str | int | Iterable[str | int] | None) -> str | None:
 
 def _voxels(array: npt.ArrayLike) -> FloatArray:
     """Returns samples as float32, i fastest: the array itself where it is so already."""
-    if hasattr(array, "__dlpack__") and not isinstance(array, np.ndarray):
-        array = np.from_dlpack(array)
-    found = np.asarray(array)
+    given: Any = array
+    tensor = hasattr(given, "__dlpack__") and not isinstance(given, np.ndarray)
+    found: npt.NDArray[Any] = np.from_dlpack(given) if tensor else np.asarray(given)
     if found.ndim == 4 and found.shape[3] == 1:
         found = found[..., 0]
     if found.ndim != 3:
-        raise UsageError(
-            f"an array of {found.ndim} axes {found.shape}",
-            "VGS-PY-018",
-            help="give three axes, [i, j, k]; of a series choose one volume: array[..., n]",
+        raise usage_error(
+            f"an array of {found.ndim} axes {found.shape}", help="give three axes, [i, j, k]; of a series choose one volume: array[..., n]",
         )
     if found.dtype.kind not in "biuf":
-        raise UsageError(f"an array of {found.dtype}", "VGS-PY-019", help="give numbers, as HU in float32")
+        raise usage_error(f"an array of {found.dtype}", help="give numbers, as HU in float32")
     return np.asfortranarray(found, dtype=np.float32)
