@@ -96,7 +96,8 @@ fn the_glossary_names_what_is_there() {
 
 #[test]
 fn the_readme_shows_the_first_example() {
-    let (readme, example) = (read(&root().join("README.md")), read(&root().join("engine/examples/fit.rs")));
-    let code: String = example.split_inclusive('\n').skip_while(|line| line.starts_with("//!")).collect();
-    assert!(readme.contains(code.trim()), "README.md has the code of engine/examples/fit.rs as it stands");
+    let example = "tools/python/examples/first.py";
+    let (readme, text) = (read(&root().join("README.md")), read(&root().join(example)));
+    let code: String = text.split_inclusive('\n').skip_while(|line| line.starts_with("\"\"\"")).collect();
+    assert!(readme.contains(code.trim()), "README.md has the code of {example} as it stands");
 }

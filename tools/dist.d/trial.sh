@@ -30,7 +30,7 @@ use_it() {
     run() {
         echo "\$ $*"
         local start=$SECONDS
-        "$@" 2>&1 | sed 's/^/    /'
+        "$@" 2>&1 | sed '/^device memory/d; s/^/    /'
         echo "    ($((SECONDS - start)) s)"
     }
     run vgs --version
@@ -39,7 +39,7 @@ use_it() {
     run vgs fit -q ct/ct.nii.gz --roi ct/mask.nii.gz -o splats.ply --iterations 24 --no-eval
     run vgs render -q splats.ply -o picture.png
     [ "$(head -c 4 picture.png | tail -c 3)" = PNG ] || fail "picture.png is no picture"
-    run vgs-xr -q splats.ply --simulated --frames 3
+    run vgs-xr splats.ply --simulated --frames 3
     window
 }
 
