@@ -1,8 +1,8 @@
 #!/usr/bin/env bash
-# Installs an archive or a package of vgs in a bare Debian, and uses it as a user would.
+# Installs an archive, a package or a wheel of vgs in a bare Debian, and uses it as a user would.
 # tools/dist --try runs it, as root in the tree; the file lies beside it.
 #
-# usage: trial.sh FILE RECOMMENDED      packages that an archive does not bring, with commas
+# usage: trial.sh FILE RECOMMENDED      packages that neither archive nor wheel brings, with commas
 set -euo pipefail
 cd /srv
 
@@ -17,9 +17,20 @@ install_it() {
     *.deb) apt-get -qq -y install "./$1" ;;
     *)
         # shellcheck disable=SC2046  # a word for each package
-        apt-get -qq -y install xz-utils libstdc++6 libvulkan1 $(tr "," "\n" <<<"$2" | sed "s/|.*//")
-        tar -C /opt -xf "$1"
-        mv /opt/vgs-* /opt/vgs
+        apt-get -qq -y install libstdc++6 libvulkan1 $(tr "," "\n" <<<"$2" | sed "s/|.*//")
+        case $1 in
+        *.whl)
+            apt-get -qq -y install python3-venv
+            python3 -m venv /opt/vgs
+            # What it depends on lies beside it.
+            /opt/vgs/bin/pip install --no-index --find-links /srv "./$1"
+            ;;
+        *)
+            apt-get -qq -y install xz-utils
+            tar -C /opt -xf "$1"
+            mv /opt/vgs-* /opt/vgs
+            ;;
+        esac
         ;;
     esac
 }
@@ -39,7 +50,14 @@ use_it() {
     run vgs fit -q ct/ct.nii.gz --roi ct/mask.nii.gz -o splats.ply --iterations 24 --no-eval
     run vgs render -q splats.ply -o picture.png
     [ "$(head -c 4 picture.png | tail -c 3)" = PNG ] || fail "picture.png is no picture"
-    run vgs-xr splats.ply --simulated --frames 3
+    if command -v vgs-xr >/dev/null; then
+        run vgs-xr splats.ply --simulated --frames 3
+    fi
+    if [ -x /opt/vgs/bin/python ]; then
+        run python -c 'import vgs
+splats = vgs.fit("ct/ct.nii.gz", "ct/mask.nii.gz", iterations=24, progress=False)
+print(splats, vgs.render(splats, size=(64, 64)).mean())'
+    fi
     window
 }
 

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use engine::unit::Unit;
+use engine::volume::compare::{Normalisation, compare};
 use engine::volume::{self, Cleaning, LabelChoice, Labels, ReadOptions, nifti};
 use engine::{Error, Kind};
 use glam::{DAffine3, DMat3, DVec3};
@@ -100,6 +101,41 @@ impl Volume {
             nifti::check_name(&path)?;
             nifti::write(&path, &self.0, force)
         })
+    }
+
+    /// Returns how far `other` is from this volume, by the names of the JSON of `vgs compare`.
+    #[pyo3(signature = (other, roi, range))]
+    fn compare<'py>(
+        &self,
+        py: Python<'py>,
+        other: &Volume,
+        roi: Option<&Roi>,
+        range: Option<[f32; 2]>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        roi.map_or(Ok(()), |roi| roi.check_on(&self.0))?;
+        let own = || self.0.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
+        let range = range.unwrap_or_else(own);
+        let compared = || {
+            let whole;
+            let region = match roi {
+                Some(roi) => &*roi.roi,
+                None => {
+                    whole = volume::Roi::new(vec![1.0; self.0.len()], &self.0)?;
+                    &whole
+                }
+            };
+            compare(&self.0, &other.0, region, Normalisation::Range(range))
+        };
+        let found = unlocked(py, compared)?;
+        let dictionary = PyDict::new(py);
+        dictionary.set_item("voxels", found.voxels)?;
+        dictionary.set_item("psnr_db", found.psnr_db())?;
+        dictionary.set_item("mean_hu", found.mean_hu)?;
+        dictionary.set_item("rmse_hu", found.rmse_hu)?;
+        dictionary.set_item("p99_hu", found.p99_hu)?;
+        dictionary.set_item("largest_hu", found.largest_hu)?;
+        dictionary.set_item("largest_voxel", found.largest_voxel)?;
+        Ok(dictionary)
     }
 
     #[getter]

@@ -88,6 +88,17 @@ def test_dlpack_is_taken(ball):
     np.testing.assert_array_equal(vgs.Volume(Tensor(ball)).array, ball.astype(np.float32))
 
 
+def test_volumes_are_compared(ct, bone, splats):
+    assert ct.compare(ct).psnr_db == float("inf") and ct.compare(ct).voxels == ct.array.size
+    found = ct.compare(ct.array + 10, bone, range=(0, 1000))
+    assert (found.voxels, found.mean_hu, found.largest_hu) == (bone.voxels, 10, 10)
+    assert found.psnr_db == pytest.approx(40, abs=0.5)
+    rasterised = ct.compare(splats.rasterize(quantity="field"), bone)
+    assert rasterised.rmse_hu == pytest.approx(splats.evaluate(ct, bone).rmse_hu, rel=1e-2)
+    with pytest.raises(vgs.BadDataError):
+        ct.compare(vgs.Volume(ct.array[1:], ct.affine))
+
+
 def test_a_volume_may_be_changed_in_place(ct):
     volume = vgs.Volume(ct.array.copy(order="F"), ct.affine)
     volume.array[:] = -1000

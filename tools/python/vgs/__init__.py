@@ -33,7 +33,7 @@ from ._errors import (
 from ._fit import SETTINGS, fit
 from ._render import TRANSFER_FUNCTIONS, Camera, Difference, compare, render
 from ._splats import Evaluation, SplatSet, load
-from ._volume import Roi, Volume, read
+from ._volume import Roi, Volume, VolumeDifference, read
 
 __version__: str = _vgs.__version__
 
@@ -64,6 +64,7 @@ __all__ = [
     "TemporaryError",
     "UsageError",
     "Volume",
+    "VolumeDifference",
     "compare",
     "devices",
     "fit",

@@ -5,16 +5,14 @@ from __future__ import annotations
 import importlib
 import os
 from collections.abc import Iterable, Mapping
-from typing import TYPE_CHECKING, Any, Union
+from dataclasses import dataclass
+from typing import Any, Union
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _vgs
 from ._errors import usage_error
-
-if TYPE_CHECKING:
-    from ._splats import SplatSet
 
 FloatArray = npt.NDArray[np.float32]
 #: What is taken for a volume: one of vgs, a path, an image of nibabel or SimpleITK, or an array [i, j, k] of voxels of
@@ -95,6 +93,21 @@ class Volume:
         """Writes a NIfTI file (.nii or .nii.gz), float32; an existing one is kept unless ``force`` is set."""
         self._native().save(os.fspath(path), force)
 
+    def compare(
+        self, other: VolumeLike, roi: RoiLike | None = None, *, range: tuple[float, float] | None = None
+    ) -> VolumeDifference:
+        """Returns how far another volume on the same grid is from this one, as ``vgs compare`` does.
+
+        Args:
+            other: The other volume; an array lies on this grid.
+            roi: The region that is compared, as of :func:`fit`; None: all voxels.
+            range: Intensities whose difference is the peak of the PSNR, to which both are clipped for it, HU; None: the
+                range of this volume.
+        """
+        region = None if roi is None else as_roi(roi, self)._native
+        there = as_volume(other, like=self)._native()
+        return VolumeDifference(**self._native().compare(there, region, None if range is None else list(range)))
+
     def to_nibabel(self) -> Any:
         """Returns a ``nibabel.Nifti1Image`` of the same samples, without a copy."""
         nibabel: Any = importlib.import_module("nibabel")
@@ -133,6 +146,29 @@ class Volume:
             labels=self.labels,
             frame_of_reference=self._frame_of_reference,
         )
+
+
+@dataclass(frozen=True)
+class VolumeDifference:
+    """How far a volume is from another one.
+
+    Attributes:
+        voxels: Number of voxels that were compared.
+        psnr_db: Peak signal-to-noise ratio, dB; infinite for equal ones.
+        mean_hu: Mean difference, HU.
+        rmse_hu: Root mean square difference, HU.
+        p99_hu: Absolute difference that 99 of 100 voxels do not exceed, HU.
+        largest_hu: Largest difference, HU, with its sign.
+        largest_voxel: Indices i, j, k of the voxel that has it.
+    """
+
+    voxels: int
+    psnr_db: float
+    mean_hu: float
+    rmse_hu: float
+    p99_hu: float
+    largest_hu: float
+    largest_voxel: list[int]
 
 
 class Roi:
