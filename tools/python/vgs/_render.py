@@ -236,7 +236,8 @@ def _background(background: str | tuple[float, float, float] | None) -> tuple[fl
         return red, green, blue
     named = {"black": 0.0, "white": 1.0, "grey": 0.5, "gray": 0.5}
     if background in named:
-        return (named[background],) * 3
+        grey = named[background]
+        return grey, grey, grey
     try:
         red, green, blue = bytes.fromhex(background.removeprefix("#"))
     except ValueError:

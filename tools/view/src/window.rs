@@ -54,7 +54,9 @@ pub fn run(start: Start) -> Result<WindowReport> {
 
 fn no_window(why: &dyn std::fmt::Display) -> Error {
     Error::new(Kind::Unavailable, "VGS-VIEW-030", format!("no window can be opened: {why}")).help(
-        "a display is needed (DISPLAY or WAYLAND_DISPLAY); without one, `vgs render` writes pictures to files",
+        "a display is needed (DISPLAY or WAYLAND_DISPLAY), and the libraries of X11 or Wayland (Debian, Ubuntu: apt install \
+         libx11-6 libx11-xcb1 libxcursor1 libxi6 libxrandr2 libxkbcommon-x11-0); without them, `vgs render` writes pictures \
+         to files",
     )
 }
 

@@ -87,8 +87,8 @@ impl Passthrough {
 
 fn unavailable(code: &'static str, what: String) -> Error {
     Error::new(Kind::Unavailable, code, what).help(
-        "start the headset's runtime and connect the headset; `--simulated` needs neither, and `tools/monado` runs a \
-         program with a runtime for tests",
+        "install the headset's runtime and an OpenXR loader (Debian, Ubuntu: apt install libopenxr-loader1), start the \
+         runtime and connect the headset; `--simulated` needs none of them",
     )
 }
 
