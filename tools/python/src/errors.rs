@@ -33,8 +33,11 @@ pub fn raised(error: Error) -> PyErr {
     })
 }
 
-/// Returns advice with the flags of the command line as arguments: `--roi-label` as `roi_label=`.
+/// Returns advice with the flags of the command line as arguments, `--roi-label` as `roi_label=`; whole commands stay.
 fn as_arguments(help: &str) -> String {
+    if help.contains('`') || help.contains("vgs ") {
+        return help.to_owned();
+    }
     let mut words = help.split("--");
     let mut told = words.next().unwrap_or_default().to_owned();
     for word in words {

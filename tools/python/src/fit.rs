@@ -21,6 +21,8 @@ use crate::errors::{Raise, raised};
 use crate::splats::Splats;
 use crate::volume::{Roi, Volume};
 
+/// What a fit may miss of an error that it only aims at without a warning, dB.
+const AIM_DB: f64 = 3.5;
 /// Least time between two calls of the watching callable.
 const TELL_EVERY: Duration = Duration::from_millis(100);
 
@@ -59,6 +61,13 @@ pub fn fit<'py>(
     let time = time_budget.map(seconds).transpose()?;
     let limited = max_size.is_some() || time.is_some();
     let settings = Settings::new(profile, quality, &values, limited).or_raise()?.for_volume(volume.0.is_ct());
+    if settings.config.has_goal() && ["splats", "density"].iter().any(|key| settings.is_explicit(key)) {
+        let message = "a number of splats, and an error to reach, which says how many there are";
+        return Err(raised(
+            Error::new(Kind::Usage, "VGS-PY-024", message)
+                .help("leave one out; max_splats limits what a target takes"),
+        ));
+    }
     let mut watching = Watching::new(watch);
     let done = unlocked(py, || {
         with_device(device, |gpu| {
@@ -91,6 +100,22 @@ pub fn fit<'py>(
                 return Ok(None);
             }
             let Fitted { set, outcome, lacking } = plan.run(start, &mut watching)?;
+            if let (Some(goal), End::Finished, None) = (plan.goal(), &outcome.end, &lacking) {
+                let measure = fidelity::measured_as_shown(gpu, (volume, region), &protocol);
+                let found = measure(plan.problem(), &set, &outcome.splats)?;
+                let surplus = goal.surplus_of(&found);
+                if surplus < if config.target_rounds == 0 { -AIM_DB } else { 0.0 } {
+                    tracing::warn!(
+                        "the error that was aimed at is missed by {:.1} dB: 99 of 100 voxels are within {:.1}{}, the PSNR is \
+                         {:.1} dB; a target_hu or target_psnr of your own is reached by more splats, within max_splats, max_size \
+                         and time_budget",
+                        -surplus,
+                        found.p99_hu,
+                        volume.unit().text(),
+                        found.psnr_db
+                    );
+                }
+            }
             match (outcome.end, lacking) {
                 (End::Failed(error), _) | (_, Some(error)) => Err(error),
                 (End::Finished, None) => Ok(Some((set, outcome.iterations, outcome.seconds, false))),

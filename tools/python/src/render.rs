@@ -2,8 +2,8 @@
 
 use engine::image::{self, Image};
 use engine::render::{
-    Camera, CameraFile, ClipPlane, FOV_DEGREES, Look, ObjectChange, Renderer, Scene, Settings as Quality,
-    SplatKind, UsualLook, VolumeSource, mode,
+    Camera, CameraFile, ClipPlane, FOV_DEGREES, Intensities, Look, ObjectChange, Renderer, Scene,
+    Settings as Quality, SplatKind, UsualLook, VolumeSource, mode,
 };
 use engine::transfer::{
     self, ColourPoint, FixedTo, Light, Material, OpacityPoint, PRESETS, TransferFunction,
@@ -242,7 +242,12 @@ pub fn render<'py>(
                 return Err(usage("VGS-PY-017", "a picture of nothing", "give splats or a volume"));
             }
         };
-        let look = asked.look(splats, range.unwrap_or([0.0, 1.0]), transfer::first(unit))?;
+        // What hardly shows anything through the first preset is shown by one that does.
+        let first = splats.map_or_else(
+            || transfer::first(unit),
+            |splats| Intensities::of_set(&splats.0).suiting_preset(unit),
+        );
+        let look = asked.look(splats, range.unwrap_or([0.0, 1.0]), first)?;
         let region = roi.map(|roi| &*roi.roi);
         let shown = volume.map(|volume| BetweenSlices::Smooth.shown(&volume.0, region));
         let source = shown.as_ref().map(|(volume, roi)| VolumeSource { volume, roi: roi.as_deref() });

@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 use crate::device::{unlocked, with_device};
 use crate::errors::{internal, raised};
-use crate::volume::{Roi, Volume, affine_of, keywords, matrix_of};
+use crate::volume::{Roi, Volume, affine_of, check_range, keywords, matrix_of};
 
 /// A splat set of the engine.
 #[pyclass(frozen, module = "vgs._vgs")]
@@ -42,6 +42,9 @@ impl Splats {
 
 /// ln σ of splats.
 const LOG_SCALES: RangeInclusive<f32> = -activation::LOG_SCALE_LIMIT..=activation::LOG_SCALE_LIMIT;
+
+/// Most grids of offsets that are measured.
+const MOST_OFFSETS: usize = 64;
 
 /// Arrays of a new set, [splat, ...].
 #[derive(FromPyObject)]
@@ -97,8 +100,10 @@ impl Arrays<'_> {
             let scale = [0, 1, 2].map(|k| scales[[i, k]]);
             let bad = if scale.iter().any(|s| !LOG_SCALES.contains(&s.ln())) {
                 Some(format!("scales of {scale:?} mm"))
-            } else if (0..4).all(|k| rotations[[i, k]] == 0.0) {
-                Some("its quaternion is zero".to_owned())
+            } else if (0..4).any(|k| !rotations[[i, k]].is_finite())
+                || (0..4).all(|k| rotations[[i, k]] == 0.0)
+            {
+                Some("its quaternion is zero or not finite".to_owned())
             } else if !(0.0..=1.0).contains(&opacities[i]) {
                 Some(format!("an opacity of {}", opacities[i]))
             } else {
@@ -156,6 +161,12 @@ impl Splats {
             })?;
         }
         base.field.background = background.unwrap_or(base.field.background);
+        if !base.field.background.is_finite() {
+            let message = format!("a background of {}", base.field.background);
+            return Err(raised(
+                Error::new(Kind::Usage, "VGS-PY-023", message).help("give a finite intensity"),
+            ));
+        }
         if let Some(names) = label_names {
             base.label_names = names.into_iter().collect();
         }
@@ -188,6 +199,12 @@ impl Splats {
     fn file_bytes(&self, py: Python<'_>, extension: &str) -> PyResult<u64> {
         let name = format!("splats.{extension}");
         unlocked(py, || splat::file_bytes(Path::new(&name), &self.0, &WriteOptions::default()))
+    }
+
+    /// Returns true if the splats were rounded, as those of a small file are.
+    #[getter]
+    fn rounded(&self) -> bool {
+        self.0.rounding.is_some()
     }
 
     fn __len__(&self) -> usize {
@@ -350,7 +367,10 @@ impl Splats {
             engine::memory::require(bytes, "the volume")?;
             let mut grid = volume::Volume::new(size, affine, vec![0.0; size.iter().product()]);
             with_device(device, |gpu| rasterize(gpu, &self.0, quantity, &mut grid))?;
-            grid.stated_unit = Some(self.0.unit);
+            grid.stated_unit = Some(match quantity {
+                Quantity::Intensity { .. } | Quantity::Field => self.0.unit,
+                Quantity::Occupancy | Quantity::Weight => Unit::Arbitrary,
+            });
             Ok(grid)
         };
         keywords(py, unlocked(py, made)?)
@@ -370,6 +390,12 @@ impl Splats {
         device: Option<&str>,
     ) -> PyResult<Bound<'py, PyDict>> {
         roi.check_on(&volume.0)?;
+        range.map_or(Ok(()), check_range)?;
+        if offsets > MOST_OFFSETS {
+            let message = format!("{offsets} grids of offsets");
+            let help = format!("up to {MOST_OFFSETS} are measured");
+            return Err(raised(Error::new(Kind::Usage, "VGS-PY-021", message).help(help)));
+        }
         let (set, of, region) = (&*self.0, &*volume.0, &*roi.roi);
         let whole = || of.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
         let protocol = Protocol {
@@ -378,6 +404,20 @@ impl Splats {
             shell: 4,
             threshold: 0.0,
         };
+        let reached = set.to_voxel(&of.world_from_voxel).iter().any(|splat| {
+            let reach = splat.reach(set.field.kernel.support_q());
+            (0..3).all(|k| {
+                let mean = f64::from(splat.mean[k]);
+                mean + reach[k] >= 0.0 && mean - reach[k] <= of.size[k] as f64 - 1.0
+            })
+        });
+        if !reached {
+            let message = "no splat lies in the volume: they are of different scans, or one lost its place";
+            return Err(raised(
+                Error::new(Kind::BadData, "VGS-PY-022", message)
+                    .help("give the volume that was fitted, with its affine"),
+            ));
+        }
         let evaluated = || {
             let between = evaluate::between_slices_of(set, of);
             with_device(device, |gpu| {

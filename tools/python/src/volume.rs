@@ -113,6 +113,7 @@ impl Volume {
         range: Option<[f32; 2]>,
     ) -> PyResult<Bound<'py, PyDict>> {
         roi.map_or(Ok(()), |roi| roi.check_on(&self.0))?;
+        range.map_or(Ok(()), check_range)?;
         let own = || self.0.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
         let range = range.unwrap_or_else(own);
         let compared = || {
@@ -214,21 +215,40 @@ pub struct Roi {
     pub roi: Arc<volume::Roi>,
     pub labels: Option<Arc<Labels>>,
     ml: f64,
+    /// The grid of its volume, if that has a place in the world.
+    world_from_voxel: Option<DAffine3>,
 }
+
+/// Greatest distance of corners, in voxels, of grids that count as the same.
+const SAME_GRID_VOXELS: f64 = 1e-3;
 
 impl Roi {
     fn of(roi: volume::Roi, labels: Option<Labels>, volume: &volume::Volume) -> Self {
         let ml = roi.ml(volume);
-        Roi { roi: Arc::new(roi), labels: labels.map(Arc::new), ml }
+        let world_from_voxel = volume.oriented.then_some(volume.world_from_voxel);
+        Roi { roi: Arc::new(roi), labels: labels.map(Arc::new), ml, world_from_voxel }
     }
 
     /// Fails if the region is not on the grid of a volume.
     pub fn check_on(&self, volume: &volume::Volume) -> PyResult<()> {
         let (a, b) = (self.roi.size, volume.size);
-        if a == b {
+        let apart = self.world_from_voxel.filter(|_| volume.oriented).is_some_and(|grid| {
+            let there = volume.world_from_voxel.inverse() * grid;
+            (0..8).any(|corner| {
+                let at = DVec3::from_array(
+                    [0, 1, 2].map(|k| if corner >> k & 1 == 1 { a[k] as f64 } else { 0.0 }),
+                );
+                (there.transform_point3(at) - at).abs().max_element() > SAME_GRID_VOXELS
+            })
+        });
+        if a == b && !apart {
             return Ok(());
         }
-        let message = format!("a region of {} x {} x {} voxels in a volume of {b:?}", a[0], a[1], a[2]);
+        let where_it_is = if a == b { ", which lies elsewhere" } else { "" };
+        let message = format!(
+            "a region of {} x {} x {} voxels in a volume of {} x {} x {}{where_it_is}",
+            a[0], a[1], a[2], b[0], b[1], b[2]
+        );
         Err(raised(
             Error::new(Kind::Usage, "VGS-PY-004", message)
                 .help("make the region of this volume: vgs.Roi.from_mask(mask, volume)"),
@@ -302,6 +322,17 @@ impl Roi {
     fn label_names(&self) -> BTreeMap<u8, String> {
         self.labels.as_ref().map(|labels| labels.names.clone()).unwrap_or_default()
     }
+}
+
+/// Fails if two intensities are no range.
+pub fn check_range([low, high]: [f32; 2]) -> PyResult<()> {
+    if low < high && low.is_finite() && high.is_finite() {
+        return Ok(());
+    }
+    let message = format!("a range from {low} to {high}");
+    Err(raised(
+        Error::new(Kind::Usage, "VGS-PY-020", message).help("give two finite numbers, the lower one first"),
+    ))
 }
 
 /// Parses the unit of a volume.

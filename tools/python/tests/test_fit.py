@@ -162,12 +162,14 @@ def test_every_setting_is_taken_at_its_default_and_checked(key, ct, bone):
         ({"kernel": object()}, "kernel"),
         ({"device": "no such device"}, "no such device"),
         ({"target_hu": 30, "labels": "liver"}, "liver|label"),
+        ({"target_hu": 30, "density": 0.1}, "number of splats"),
+        ({"progress": "yes"}, "progress"),
     ],
 )
 def test_wrong_arguments_are_named(ct, bone, arguments, says):
     roi = (bone.array > 0) if "labels" in arguments else bone
     with pytest.raises((vgs.UsageError, vgs.DeviceUnavailableError)) as raised:
-        vgs.fit(ct, roi, progress=False, **arguments)
+        vgs.fit(ct, roi, **{"progress": False, **arguments})
     assert re.search(says, str(raised.value)), raised.value
 
 
@@ -181,3 +183,29 @@ def test_a_region_of_another_volume_is_refused(ct, ball):
     other = vgs.Roi.from_threshold(vgs.Volume(ball), 226, 3071)
     with pytest.raises(vgs.UsageError, match="24 x 20 x 16"):
         vgs.fit(ct, other, **QUICK)
+
+
+def test_a_region_that_lies_elsewhere_is_refused(ct, bone):
+    moved = ct.affine.copy()
+    moved[:3, 3] += 300
+    with pytest.raises(vgs.UsageError, match="elsewhere"):
+        vgs.fit(vgs.Volume(ct.array, moved), bone, **QUICK)
+
+
+def test_labels_need_a_mask(ct, bone):
+    for roi in (bone, (226, 3071)):
+        with pytest.raises(vgs.UsageError, match="labels"):
+            vgs.fit(ct, roi, labels="liver", **QUICK)
+
+
+def test_bounds_may_be_any_numbers(ct, bone, splats):
+    for bounds in ((np.float32(226), np.int64(3071)), [226, 3071]):
+        np.testing.assert_array_equal(vgs.fit(ct, bounds, **QUICK).means, splats.means)
+    with pytest.raises(vgs.UsageError, match="region"):
+        vgs.fit(ct, None, **QUICK)
+
+
+def test_an_error_that_is_missed_is_told(ct, bone, caplog):
+    with caplog.at_level(logging.WARNING, "vgs"):
+        vgs.fit(ct, bone, target_hu=1.0, max_splats=100, iterations=30, progress=False)
+    assert "missed" in caplog.text

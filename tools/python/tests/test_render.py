@@ -104,6 +104,13 @@ def test_a_notebook_shows_a_picture(splats):
         ({"zoom": float("inf")}, "zoom"),
         ({"occlusion": 2.0}, "occlusion"),
         ({"background": "blau"}, "blau"),
+        ({"background": (255, 0, 0)}, "background"),
+        ({"background": (1, 0)}, "three"),
+        ({"zoom": "1"}, "zoom"),
+        ({"size": (64.5, 64)}, "size"),
+        ({"camera": None}, "camera"),
+        ({"camera": vgs.Camera((0, 400, 0), (0, 0, 0)), "zoom": 2.0}, "zoom"),
+        ({"hide": "liver"}, "liver"),
         ({"planes": [((0, 0, 0), 1)]}, "normal"),
         ({"objects": {"liver": {"hue": 1}}}, "hue|liver"),
         ({"roi": (0, 1)}, "region"),
@@ -115,3 +122,8 @@ def test_wrong_arguments_are_named(splats, arguments, says):
     with pytest.raises(vgs.Error) as raised:
         vgs.render(splats, **{"size": SIZE, **arguments})
     assert re.search(says, str(raised.value)) and raised.value.exit_code in (2, 65), raised.value
+
+
+def test_what_bone_does_not_show_is_shown(ct):
+    tissue = vgs.fit(ct, (-50, 200), density=0.02, iterations=20, progress=False)
+    assert vgs.render(tissue, size=SIZE).mean() > 3

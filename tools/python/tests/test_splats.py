@@ -116,6 +116,10 @@ def test_edited_arrays_make_a_set(splats, tmp_path):
         ({"scales": -np.ones((3, 3))}, "scales"),
         ({"scales": np.full((3, 3), 1e30)}, "scale"),
         ({"rotations": np.zeros((3, 4))}, "quaternion"),
+        ({"rotations": np.full((3, 4), np.nan)}, "quaternion"),
+        ({"labels": np.full(3, 300)}, "labels"),
+        ({"labels": np.full(3, 1.7)}, "labels"),
+        ({"background": np.nan}, "background"),
         ({"opacities": np.full(3, 1.5)}, "opacity"),
         ({"opacities": np.full(3, np.nan)}, "opacity"),
         ({"intensities": np.full(3, np.inf)}, "finite"),
@@ -143,6 +147,46 @@ def test_files_of_every_format_and_several_at_once(splats, tmp_path):
     assert len(both) == 2 * len(splats) and sorted(both.label_names.values()) == ["a", "b"]
     with pytest.raises(vgs.UsageError, match="splat"):
         splats.save(tmp_path / "a.docx")
+
+
+@pytest.mark.parametrize("rounded", [False, True])
+def test_splats_can_be_pickled(ct, bone, rounded):
+    splats = vgs.fit(ct, bone, density=0.05, iterations=20, rounded=rounded, progress=False)
+    again = pickle.loads(pickle.dumps(splats))
+    assert (len(again), again.form, again.seconds) == (len(splats), splats.form, splats.seconds)
+    np.testing.assert_allclose(np.sort(again.means[:, 0]), np.sort(splats.means[:, 0]), atol=1e-3)
+    assert again.evaluate(ct, bone).psnr_db == pytest.approx(splats.evaluate(ct, bone).psnr_db, abs=1e-3)
+
+
+def test_a_volume_elsewhere_and_a_range_that_is_none_are_refused(ct, bone, splats):
+    moved = ct.affine.copy()
+    moved[:3, 3] += 3000
+    there = vgs.Volume(ct.array, moved)
+    with pytest.raises(vgs.BadDataError, match="lies in the volume"):
+        splats.evaluate(there, vgs.Roi.from_threshold(there, 226, 3071))
+    with pytest.raises(vgs.BadDataError):
+        splats[:0].evaluate(ct, bone)
+    for wrong in ((1000, -1000), (0, 0), (float("nan"), 1), (float("-inf"), float("inf"))):
+        with pytest.raises(vgs.UsageError, match="range"):
+            splats.evaluate(ct, bone, range=wrong)
+    with pytest.raises(vgs.UsageError, match="offsets"):
+        splats.evaluate(ct, bone, offsets=10**6)
+
+
+def test_splats_are_no_array_and_no_list(ct, splats):
+    for misuse in (np.asarray, list, lambda s: vgs.render([s, s]), lambda s: s.rasterize(like=s)):
+        with pytest.raises((TypeError, vgs.UsageError)):
+            misuse(splats)
+    for index in (None, (0, 1)):
+        with pytest.raises(IndexError):
+            splats[index]
+    with pytest.raises(vgs.UsageError):
+        vgs.load()
+    with pytest.raises(vgs.UsageError):
+        splats.rasterize(ct, spacing_mm=1)
+    with pytest.raises(vgs.UsageError, match="place"):
+        splats.rasterize(ct.array)
+    assert splats.rasterize(ct, quantity="occupancy").unit == "arbitrary"
 
 
 def test_errors_can_be_pickled():

@@ -74,6 +74,25 @@ def test_labels_are_chosen_by_number_and_name(ct, bone):
         vgs.Roi.from_mask(labels, ct, "lowr")
 
 
+def test_an_array_is_a_mask_of_the_volume_s_shape(ct, bone):
+    mask = bone.array > 0
+    for wrong in (mask[::2, ::2], mask[:-1], np.ones((1, 1, 1)), np.moveaxis(mask, 0, 2)[:, :-2]):
+        with pytest.raises(vgs.UsageError, match="shape|voxels"):
+            vgs.Roi.from_mask(wrong, ct)
+
+
+def test_a_volume_of_something_that_has_a_place_keeps_it(ct, bone):
+    for thing in (ct, bone, ct.to_nibabel(), ct.to_sitk()):
+        with pytest.raises(vgs.UsageError, match="Volume.of"):
+            vgs.Volume(thing)
+    for thing in (ct, ct.to_nibabel(), ct.to_sitk()):
+        taken = vgs.Volume.of(thing, unit="arbitrary")
+        np.testing.assert_allclose(taken.affine, ct.affine, atol=1e-4)
+        assert taken.unit == "arbitrary"
+    with pytest.raises(vgs.UsageError, match="HU"):
+        vgs.Volume(ct.array, unit="HU")
+
+
 def test_dlpack_is_taken(ball):
     class Tensor:
         def __init__(self, array):
@@ -91,7 +110,7 @@ def test_dlpack_is_taken(ball):
 def test_volumes_are_compared(ct, bone, splats):
     assert ct.compare(ct).psnr_db == float("inf") and ct.compare(ct).voxels == ct.array.size
     found = ct.compare(ct.array + 10, bone, range=(0, 1000))
-    assert (found.voxels, found.mean_hu, found.largest_hu) == (bone.voxels, 10, 10)
+    assert (found.voxels, found.mean_hu, found.largest_hu) == (bone.voxels, pytest.approx(10), pytest.approx(10))
     assert found.psnr_db == pytest.approx(40, abs=0.5)
     rasterised = ct.compare(splats.rasterize(quantity="field"), bone)
     assert rasterised.rmse_hu == pytest.approx(splats.evaluate(ct, bone).rmse_hu, rel=1e-2)

@@ -4,14 +4,15 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable, Iterable
+from collections.abc import Callable
 from typing import Any
 
 from . import _vgs
 from ._bar import Bar
+from ._errors import usage_error
 from ._json import as_json
 from ._splats import SplatSet
-from ._volume import RoiLike, VolumeLike, as_roi, as_volume
+from ._volume import Labels, RoiLike, VolumeLike, as_roi, as_volume
 
 #: The hyper-parameters by name: what each is, and its default. ``vgs fit --help`` lists the same, with ``-`` for ``_``.
 SETTINGS: dict[str, tuple[str, Any]] = {key: (doc, json.loads(default)) for key, doc, default in _vgs.fit_settings()}
@@ -25,7 +26,7 @@ def fit(
     *,
     quality: str | None = None,
     profile: str = "default",
-    labels: str | int | Iterable[str | int] | None = None,
+    labels: Labels = None,
     progress: bool | Progress = True,
     rounded: bool = False,
     max_size: int | None = None,
@@ -36,7 +37,8 @@ def fit(
     """Fits splats to the region of interest of a volume.
 
     The interpreter's lock is released meanwhile. Ctrl-C ends the fit with the splats that there are, and a warning;
-    :attr:`SplatSet.stopped` is then true. The same seed gives the same bits on the same device, and the bits of
+    :attr:`SplatSet.stopped` is then true, which a loop over cases should look at. An error that was aimed at and is missed is
+    a warning, too, of the logger ``vgs``. The same seed gives the same bits on the same device, and the bits of
     ``vgs fit``.
 
     Args:
@@ -74,7 +76,9 @@ def fit(
     """
     of = as_volume(volume)
     region = as_roi(roi, of, labels)
-    bar = Bar() if progress is True else None
+    if not callable(progress) and progress not in (True, False):
+        raise usage_error(f"progress is {progress!r}", help="give True, False, or a callable that takes a dictionary")
+    bar = Bar() if not callable(progress) and progress else None
     watch = bar or (progress if callable(progress) else None)
     try:
         native, told = _vgs.fit(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numbers
 import os
 import struct
 import zlib
@@ -23,6 +24,10 @@ TRANSFER_FUNCTIONS: dict[str, tuple[str, str]] = {
     name: (about, unit) for name, about, unit in _vgs.transfer_functions()
 }
 
+#: Three numbers.
+Numbers = Union[Sequence[float], npt.NDArray[Any]]
+#: How objects are shown, by name or number.
+Objects = Union[Mapping[str, Mapping[str, Any]], Mapping[int, Mapping[str, Any]], Mapping[Union[str, int], Mapping[str, Any]]]
 #: Control points of a transfer function: intensity, (red, green, blue) and opacity per mm, 0 to 1.
 Points = Sequence[tuple[float, tuple[float, float, float], float]]
 
@@ -38,18 +43,21 @@ class Camera:
         fov: Angle from the upper to the lower edge, degrees.
     """
 
-    eye_mm: Sequence[float]
-    target_mm: Sequence[float]
-    up: Sequence[float] = (0.0, 0.0, 1.0)
+    eye_mm: Numbers
+    target_mm: Numbers
+    up: Numbers = (0.0, 0.0, 1.0)
     fov: float = 30.0
 
     @staticmethod
     def from_matrix(world_from_camera: npt.ArrayLike, fov: float = 30.0) -> Camera:
         """Returns the camera of a 4 x 4 pose: mm RAS from the camera's axes x to the right, y up, z to the viewer, as in
         OpenGL and VTK."""
-        matrix = np.asarray(world_from_camera, dtype=np.float64)
+        try:
+            matrix = np.asarray(world_from_camera, dtype=np.float64)
+        except (TypeError, ValueError):
+            matrix = np.zeros(0)
         if matrix.shape != (4, 4):
-            raise usage_error(f"a pose of shape {matrix.shape}", help="give a matrix of 4 x 4 numbers")
+            raise usage_error(f"a camera that is {world_from_camera!r}", help="a side, a vgs.Camera or a 4 x 4 matrix")
         eye = matrix[:3, 3]
         return Camera(eye.tolist(), (eye - matrix[:3, 2]).tolist(), matrix[:3, 1].tolist(), fov)
 
@@ -57,9 +65,9 @@ class Camera:
 def render(
     what: SplatSet | VolumeLike,
     *,
-    tf: str | Points | None = None,
-    camera: str | Camera = "anterior",
-    size: tuple[int, int] = (1024, 1024),
+    tf: str | os.PathLike[str] | Points | None = None,
+    camera: str | Camera | npt.NDArray[Any] = "anterior",
+    size: Sequence[int] = (1024, 1024),
     roi: RoiLike | None = None,
     mode: str | None = None,
     background: str | tuple[float, float, float] | None = "black",
@@ -70,10 +78,10 @@ def render(
     occlusion: float | None = None,
     light: str | tuple[float, float] | None = None,
     fill_light: float = 0.0,
-    box: tuple[Sequence[float], Sequence[float]] | None = None,
-    planes: Iterable[tuple[Sequence[float], float]] = (),
-    objects: Mapping[str | int, Mapping[str, Any]] | None = None,
-    hide: Iterable[str | int] = (),
+    box: tuple[Numbers, Numbers] | None = None,
+    planes: Iterable[tuple[Numbers, float]] = (),
+    objects: Objects | None = None,
+    hide: str | int | Iterable[str | int] = (),
     step: float | None = None,
     as_float: bool = False,
     device: str | int | None = None,
@@ -83,9 +91,10 @@ def render(
     Args:
         what: A :class:`SplatSet`; or a volume, as of :func:`fit`. A path of splats (.ply, .vgs, .spz, .glb) is read.
         tf: A preset (:data:`TRANSFER_FUNCTIONS`), a file (.vp, .vp.json, .xml:NAME, ParaView's .json),
-            ``"window:WIDTH,LEVEL"``, or control points. None: CT-Bone, or MR-Default without HU; several objects have one
-            for the kind of each.
-        camera: A side of the patient (``"anterior"``, ``"left"``, ``"anterior-left"``), or a :class:`Camera`.
+            ``"window:WIDTH,LEVEL"``, or control points. None: CT-Bone, or MR-Default without HU, or the first preset that
+            shows these splats; several objects have one for the kind of each.
+        camera: A side of the patient (``"anterior"``, ``"left"``, ``"anterior-left"``), a :class:`Camera`, or a 4 x 4 pose as
+            of :meth:`Camera.from_matrix`.
         size: Width and height, pixels.
         roi: Of a volume, the region that is shown, as of :func:`fit`.
         mode: ``"volume"``, ``"decoded"``, ``"slab"``, ``"exact"`` or ``"alpha"``. None: the one that suits.
@@ -102,8 +111,8 @@ def render(
         box: Two corners, mm RAS: what lies outside is cut away.
         planes: Cutting planes: a normal and an offset, mm RAS; where normal · x < offset is cut away.
         objects: How objects are shown, by name, number or pattern: ``{"liver": {"colour": "#c03020", "opacity": 0.4},
-            "rib_*": {"tf": "CT-Bone"}}``.
-        hide: Objects that are not shown.
+            "rib_*": {"tf": "CT-Bone"}}``. ``colour`` is #rrggbb, ``opacity`` a factor from 0 to 1, ``tf`` a preset or a file.
+        hide: Objects that are not shown, by name, number or pattern.
         step: Steps along a ray, voxels (modes volume and decoded) or standard deviations; None: those of a finished
             picture.
         as_float: True for float32, display-referred and not clipped, instead of uint8.
@@ -118,23 +127,26 @@ def render(
         >>> plt.imshow(picture)
     """
     splats, volume, region = _shown(what, roi)
+    if not isinstance(camera, str) and (fov is not None or zoom != 1.0):
+        raise usage_error("fov or zoom, and a camera that has its own", help="give them for a side, or Camera(..., fov=)")
+    hidden = [hide] if isinstance(hide, (str, int)) else list(hide)
     asked = {
-        "size": [int(n) for n in size],
+        "size": [_whole("size", n) for n in size],
         "mode": mode,
         "tf": _function(tf),
-        "tf_shift": tf_shift,
+        "tf_shift": _number("tf_shift", tf_shift),
         "camera": _camera(camera),
-        "fov": fov,
-        "zoom": zoom,
-        "shade": shade,
-        "occlusion": occlusion,
+        "fov": None if fov is None else _number("fov", fov),
+        "zoom": _number("zoom", zoom),
+        "shade": None if shade is None else bool(shade),
+        "occlusion": None if occlusion is None else _number("occlusion", occlusion),
         "light": light if light is None or isinstance(light, str) else list(light),
-        "fill_light": fill_light,
+        "fill_light": _number("fill_light", fill_light),
         "box_mm": None if box is None else [_floats(corner) for corner in box],
         "planes": [[_floats(normal), float(offset)] for normal, offset in planes],
         "objects": [_object(name, how) for name, how in (objects or {}).items()],
-        "hide": [str(name) for name in hide],
-        "step": step,
+        "hide": [str(name) for name in hidden],
+        "step": None if step is None else _number("step", step),
     }
     behind = _background(background)
     picture = _vgs.render(
@@ -202,24 +214,48 @@ def _shown(
     return None, volume._native(), None if roi is None else as_roi(roi, volume)._native
 
 
-def _floats(numbers: Sequence[float]) -> list[float]:
-    return [float(n) for n in numbers]
+def _number(name: str, value: Any) -> float:
+    if isinstance(value, numbers.Real) and np.isfinite(float(value)):
+        return float(value)
+    raise usage_error(f"{name} is {value!r}", help="give a finite number")
 
 
-def _function(tf: str | Points | None) -> Union[str, dict[str, Any], None]:
+def _whole(name: str, value: Any) -> int:
+    if isinstance(value, numbers.Integral) and int(value) >= 0:
+        return int(value)
+    raise usage_error(f"{name} has {value!r}", help="give whole numbers of pixels: (width, height)")
+
+
+def _floats(three: Numbers) -> list[float]:
+    found = [_number("a coordinate", n) for n in three]
+    if len(found) != 3:
+        raise usage_error(f"{found}, where a place or a direction is needed", help="give three numbers")
+    return found
+
+
+def _function(tf: str | os.PathLike[str] | Points | None) -> Union[str, dict[str, Any], None]:
     if tf is None or isinstance(tf, str):
         return tf
-    return {"points": [[float(value), *_floats(colour), float(opacity)] for value, colour, opacity in tf]}
+    if isinstance(tf, os.PathLike):
+        return os.fspath(tf)
+    return {
+        "points": [
+            [_number("an intensity", value), *_floats(colour), _number("an opacity", opacity)]
+            for value, colour, opacity in tf
+        ]
+    }
 
 
-def _camera(camera: str | Camera) -> Union[str, dict[str, Any]]:
+def _camera(camera: Any) -> Union[str, dict[str, Any]]:
     if isinstance(camera, str):
         return camera
+    if not isinstance(camera, Camera):
+        camera = Camera.from_matrix(camera)
     return {
         "eye_mm": _floats(camera.eye_mm),
         "target_mm": _floats(camera.target_mm),
         "up": _floats(camera.up),
-        "fov_deg": float(camera.fov),
+        "fov_deg": _number("fov", camera.fov),
     }
 
 
@@ -232,7 +268,9 @@ def _background(background: str | tuple[float, float, float] | None) -> tuple[fl
     if background is None:
         return None
     if not isinstance(background, str):
-        red, green, blue = background
+        red, green, blue = _floats(background)
+        if not all(0 <= part <= 1 for part in (red, green, blue)):
+            raise usage_error(f"a background of {background}", help="give red, green and blue from 0 to 1")
         return red, green, blue
     named = {"black": 0.0, "white": 1.0, "grey": 0.5, "gray": 0.5}
     if background in named:

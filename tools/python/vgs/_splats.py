@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+import tempfile
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from typing import Any, Union
 
@@ -11,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _vgs
-from ._errors import usage_error
+from ._errors import DeviceUnavailableError, usage_error
 from ._volume import RoiLike, Volume, VolumeLike, as_roi, as_volume
 
 FloatArray = npt.NDArray[np.float32]
@@ -24,7 +25,7 @@ class Evaluation:
 
     Attributes:
         psnr_db: Peak signal-to-noise ratio at the voxels, dB, over ``range``.
-        psnr_mean_offset_db: Its mean between the voxels, on grids at sub-voxel offsets, dB; NaN without such grids.
+        psnr_mean_offset_db: Its mean between the voxels, on grids at sub-voxel offsets, dB; ``psnr_db`` without such.
         psnr_min_offset_db: The worst of these.
         rmse_hu: Root mean square error at the voxels, HU.
         p99_hu: Error that 99 of 100 voxels do not exceed, HU.
@@ -47,7 +48,8 @@ class SplatSet:
     """Splats: 3D Gaussians that carry an intensity. :func:`fit` makes them, :func:`load` reads them and
     :meth:`from_arrays` makes them of arrays. A set does not change: :meth:`replace` and indexing make new ones.
 
-    ``splats[mask]``, ``splats[10:20]`` and ``splats[[3, 1]]`` are sets of some of the splats.
+    ``splats[mask]``, ``splats[10:20]`` and ``splats[[3, 1]]`` are sets of some of the splats. The field is the weighted mean of
+    the splats that overlap: to take away some of them changes it only near them.
 
     Attributes:
         seconds: Time of the iterations of the fit, s; None if it was read from a file.
@@ -112,7 +114,7 @@ class SplatSet:
             self.intensities if intensities is None else intensities,
             self.labels if labels is None else labels,
         )
-        return SplatSet(_vgs.Splats.of_arrays(arrays, like=self._native))
+        return self._like(_vgs.Splats.of_arrays(arrays, like=self._native))
 
     @property
     def means(self) -> DoubleArray:
@@ -141,7 +143,9 @@ class SplatSet:
 
     @property
     def intensities(self) -> FloatArray:
-        """Intensities [N], HU of a CT."""
+        """Intensities [N], HU of a CT. Of splats of form ``"grid"`` they are what makes the sum right at the voxels, and not the
+        HU of a tissue: those beside an edge may lie outside of the region's range. Means over an organ are those of
+        :meth:`rasterize`."""
         return self._native.intensities
 
     @property
@@ -177,7 +181,8 @@ class SplatSet:
 
     @property
     def grid(self) -> tuple[tuple[int, int, int], DoubleArray] | None:
-        """Shape and affine of the volume that the splats were fitted to; None if they are not known."""
+        """Shape and affine of the grid that the splats were fitted on: that of the volume, or one with more slices where those
+        are thick (``between_slices``). None if it is not known."""
         found = self._native.grid
         if found is None:
             return None
@@ -198,6 +203,10 @@ class SplatSet:
         if unknown:
             known = ", ".join(names) or "none"
             raise usage_error(f"no label is called {unknown[0]!r}", help=f"labels: {known}")
+        there = set(self.labels.tolist())
+        absent = [label for label in labels if not isinstance(label, str) and label not in there]
+        if absent:
+            raise usage_error(f"no splat has the label {absent[0]}", help=f"labels: {sorted(there)}")
         numbers = [names[label] if isinstance(label, str) else label for label in labels]
         return self[np.isin(self.labels, numbers)]
 
@@ -228,7 +237,7 @@ class SplatSet:
         """Returns the splats as a volume again.
 
         Args:
-            like: A volume whose grid is taken. None: the grid of the fit.
+            like: A volume whose grid is taken. None: :attr:`grid`, which may have more slices than the volume.
             spacing_mm: Or a grid of this spacing around the splats, its axes RAS, mm.
             quantity: ``"intensity"`` (HU where the occupancy is one half or more), ``"field"`` (HU everywhere),
                 ``"occupancy"`` or ``"weight"``.
@@ -278,7 +287,8 @@ class SplatSet:
         """Writes a file, in the format that its extension names.
 
         Args:
-            path: .ply for all programs; .vgs, which is small and rounded (see ``rounded`` of :func:`fit`).
+            path: .ply for all programs; .vgs, which is small and rounded (see ``rounded`` of :func:`fit`), and has the splats in
+                another order. (``vgs convert`` writes .spz and .glb, which need colours.)
             force: Replaces a file that exists.
 
         Raises:
@@ -290,8 +300,25 @@ class SplatSet:
         return len(self._native)
 
     def __getitem__(self, which: Any) -> SplatSet:
-        rows = np.arange(len(self))[which]
-        return SplatSet(self._native.of_rows(np.atleast_1d(rows).tolist()))
+        if which is None or isinstance(which, tuple):
+            raise IndexError("splats have one axis: an index, a slice, a list of indices or a mask of booleans")
+        rows = np.arange(len(self))[np.asarray(which, dtype=int) if isinstance(which, list) and not which else which]
+        return self._like(self._native.of_rows(np.atleast_1d(rows).tolist()))
+
+    def __iter__(self) -> Iterator[SplatSet]:
+        raise TypeError("splats are no sequence of objects: take their arrays, as splats.means")
+
+    def __array__(self, dtype: Any = None, copy: bool | None = None) -> npt.NDArray[Any]:
+        raise TypeError("splats are no array: take their arrays, as splats.means")
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        # As its file: rounded splats as the small one, which keeps them as they are.
+        return _unpickled, (_pickled(self), self.seconds, self.stopped)
+
+    def _like(self, native: _vgs.Splats) -> SplatSet:
+        made = SplatSet(native)
+        made.seconds, made.stopped = self.seconds, self.stopped
+        return made
 
     def __repr__(self) -> str:
         intensities = self.intensities
@@ -300,16 +327,23 @@ class SplatSet:
         return f"<vgs.SplatSet {len(self):,} splats{span}{unit}, {self.form}>"
 
     def _repr_png_(self) -> bytes | None:
-        """What a notebook shows: a picture."""
+        """What a notebook shows: a picture, where there is a device."""
         from ._render import png, render
 
-        return png(render(self, size=(512, 512))) if len(self) else None
+        try:
+            return png(render(self, size=(512, 512))) if len(self) else None
+        except DeviceUnavailableError:
+            return None
 
     def _grid_of(
         self, like: VolumeLike | None, spacing_mm: float | tuple[float, float, float] | None
     ) -> tuple[tuple[int, int, int], DoubleArray]:
+        if like is not None and spacing_mm is not None:
+            raise usage_error("a grid, and a spacing", help="give like= or spacing_mm=, not both")
         if like is not None:
             of = as_volume(like)
+            if not of._oriented and isinstance(like, np.ndarray):
+                raise usage_error("an array, which has no place", help="give its volume: vgs.Volume(array, affine)")
             return of.shape, of.affine
         if spacing_mm is not None:
             spacing = np.broadcast_to(np.asarray(spacing_mm, dtype=np.float64), 3)
@@ -332,6 +366,8 @@ def load(
         volume: The volume of a PLY of the paper's authors, which only that can place.
         roi: Its region.
     """
+    if not paths:
+        raise usage_error("no file", help="give the path of one or several files of splats")
     of = None if volume is None else as_volume(volume)
     region = None if of is None or roi is None else as_roi(roi, of)
     return SplatSet(
@@ -341,6 +377,26 @@ def load(
             None if region is None else region._native,
         )
     )
+
+
+def _pickled(splats: SplatSet) -> tuple[str, bytes]:
+    ending = "vgs" if splats._native.rounded else "ply"
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, f"splats.{ending}")
+        splats.save(path)
+        with open(path, "rb") as file:
+            return ending, file.read()
+
+
+def _unpickled(content: tuple[str, bytes], seconds: float | None, stopped: bool) -> SplatSet:
+    ending, content_of_file = content
+    with tempfile.TemporaryDirectory() as folder:
+        path = os.path.join(folder, f"splats.{ending}")
+        with open(path, "wb") as file:
+            file.write(content_of_file)
+        splats = load(path)
+    splats.seconds, splats.stopped = seconds, stopped
+    return splats
 
 
 def _arrays(
@@ -357,5 +413,12 @@ def _arrays(
         "rotations": np.ascontiguousarray(rotations, dtype=np.float32),
         "opacities": np.ascontiguousarray(opacities, dtype=np.float32),
         "intensities": np.ascontiguousarray(intensities, dtype=np.float32),
-        "labels": None if labels is None else np.ascontiguousarray(labels, dtype=np.uint8),
+        "labels": None if labels is None else _bytes(labels),
     }
+
+
+def _bytes(labels: npt.ArrayLike) -> npt.NDArray[np.uint8]:
+    found = np.asarray(labels)
+    if found.dtype.kind not in "biu" or found.size and not (0 <= found.min() and found.max() <= 255):
+        raise usage_error(f"labels of {found.dtype}, or beyond a byte", help="give whole numbers from 0 to 255")
+    return np.ascontiguousarray(found, dtype=np.uint8)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import importlib
+import numbers
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
@@ -20,6 +21,8 @@ FloatArray = npt.NDArray[np.float32]
 VolumeLike = Union["Volume", str, "os.PathLike[str]", Any]
 #: What is taken for a region: one of vgs, the bounds of a threshold, or whatever is taken for a volume, as a mask.
 RoiLike = Union["Roi", tuple[float, float], VolumeLike]
+#: Which labels of a mask.
+Labels = Union[str, int, Iterable[Union[str, int]], None]
 
 
 class Volume:
@@ -30,7 +33,7 @@ class Volume:
             float32 in Fortran order, which is nibabel's, is kept as it is; any other is copied once.
         affine: 4 x 4 matrix from [i, j, k, 1] to [x, y, z, 1] in mm RAS (x to the patient's right, y to the front, z to
             the head). None: voxels of 1 mm, and nothing is known of how the patient lies.
-        unit: ``"hu"`` for a CT or ``"arbitrary"`` for any other scan. None: told by the values.
+        unit: ``"hu"`` for a CT or ``"arbitrary"`` for any other scan. None: guessed from the values.
         labels: Names of label values, if the volume is a map of labels.
 
     Attributes:
@@ -57,13 +60,39 @@ class Volume:
         oriented: bool | None = None,
         frame_of_reference: str | None = None,
     ):
+        if isinstance(array, (Volume, Roi)) or _is_image(array):
+            raise usage_error(
+                f"a volume of a {type(array).__name__}, whose place would be lost", help="vgs.Volume.of takes it over"
+            )
+        if unit not in (None, "hu", "arbitrary"):
+            raise usage_error(f"no unit is called {unit!r}", help='"hu" for a CT, "arbitrary" for any other scan')
         self.array = _voxels(array)
         self.affine = np.eye(4) if affine is None else np.array(affine, dtype=np.float64, order="C", ndmin=2)
-        self.labels = dict(labels or {})
+        self.labels = {int(number): str(name) for number, name in (labels or {}).items()}
         self._unit = unit
         self._oriented = affine is not None if oriented is None else oriented
         self._frame_of_reference = frame_of_reference
         _vgs.check_affine(self.affine)
+
+    @staticmethod
+    def of(what: VolumeLike, *, unit: str | None = None) -> Volume:
+        """Returns a path, an image of nibabel or SimpleITK, or an array as a volume, as :func:`fit` takes it.
+
+        Args:
+            what: What is taken for a volume. A ``Volume`` is returned as it is, unless ``unit`` is another.
+            unit: As of ``Volume``.
+        """
+        found = as_volume(what)
+        if unit in (None, found._unit):
+            return found
+        return Volume(
+            found.array,
+            found.affine,
+            unit=unit,
+            labels=found.labels,
+            oriented=found._oriented,
+            frame_of_reference=found._frame_of_reference,
+        )
 
     @property
     def shape(self) -> tuple[int, int, int]:
@@ -79,7 +108,7 @@ class Volume:
 
     @property
     def unit(self) -> str:
-        """``"hu"`` or ``"arbitrary"``: as it was given, else told by the values."""
+        """``"hu"`` or ``"arbitrary"``: as it was given, else guessed from the values."""
         if self._unit is None:
             self._unit = self._native().unit
         return self._unit
@@ -179,7 +208,7 @@ class Roi:
         self._native = native
 
     @staticmethod
-    def from_mask(mask: VolumeLike, volume: VolumeLike, labels: str | int | Iterable[str | int] | None = None) -> Roi:
+    def from_mask(mask: VolumeLike, volume: VolumeLike, labels: Labels = None) -> Roi:
         """Returns the region that a mask marks in a volume.
 
         Args:
@@ -229,7 +258,7 @@ class Roi:
         native = as_volume(volume)._native()
         return Roi(
             _vgs.Roi.from_threshold(
-                native, low, high, min_ml=min_ml, largest=largest, close_mm=close_mm, fill_holes=fill_holes
+                native, float(low), float(high), min_ml=min_ml, largest=largest, close_mm=close_mm, fill_holes=fill_holes
             )
         )
 
@@ -282,7 +311,7 @@ def read(
         path: The file or the folder.
         volume_index: Which volume of a series (4-D file), counted from 0.
         series: Which series of a DICOM folder: its number in ``vgs info``, its UID, or a part of its description.
-        voxel_mm: How far voxels are apart along x, y, z, mm, in a file that does not say (.npy).
+        voxel_mm: How far voxels are apart along x, y, z, mm, in a file that does not say (.npy, whose array is [z, y, x]).
         unit: ``"hu"`` or ``"arbitrary"``, where the file is wrong about it.
         lenient: Accepts damage that leaves every voxel readable.
         max_bytes: Largest volume that is accepted, bytes; None: 2 GiB.
@@ -296,13 +325,13 @@ def read(
         >>> ct
         <vgs.Volume 512 x 512 x 241, 0.957 x 0.957 x 0.5 mm, hu>
     """
-    edges = (voxel_mm,) * 3 if isinstance(voxel_mm, (int, float)) else voxel_mm
+    edges = None if voxel_mm is None else np.broadcast_to(np.asarray(voxel_mm, dtype=np.float64), 3).tolist()
     return Volume(
         **_vgs.read_volume(
             os.fspath(path),
             volume_index=volume_index,
             series=None if series is None else str(series),
-            voxel_mm=None if edges is None else list(edges),
+            voxel_mm=edges,
             unit=unit,
             lenient=lenient,
             max_bytes=max_bytes,
@@ -318,34 +347,54 @@ def as_volume(what: VolumeLike, like: Volume | None = None) -> Volume:
         return Volume(what.array, None if like is None else like.affine, oriented=like is not None)
     if isinstance(what, (str, os.PathLike)):
         return read(what)
+    if what is None:
+        raise usage_error("no volume, or no region", help="give a path, an image, an array or an object of vgs")
     if hasattr(what, "affine") and hasattr(what, "dataobj"):  # nibabel
         return Volume(np.asanyarray(what.dataobj), what.affine)
-    if all(hasattr(what, name) for name in ("GetSpacing", "GetDirection", "GetOrigin")):  # SimpleITK
+    if _is_image(what):  # SimpleITK
+        if what.GetDimension() != 3:
+            raise usage_error(f"an image of {what.GetDimension()} axes", help="give an image of three axes")
         simpleitk: Any = importlib.import_module("SimpleITK")
-        direction = np.array(what.GetDirection()).reshape(3, 3)
         affine = np.eye(4)
-        affine[:3, :3] = direction * np.array(what.GetSpacing())
+        affine[:3, :3] = np.array(what.GetDirection()).reshape(3, 3) * np.array(what.GetSpacing())
         affine[:3, 3] = what.GetOrigin()
-        return Volume(simpleitk.GetArrayViewFromImage(what).T, np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine)
-    if like is not None:
-        return Volume(what, like.affine, oriented=like._oriented)
-    return Volume(what)
+        return Volume(simpleitk.GetArrayFromImage(what).T, np.diag([-1.0, -1.0, 1.0, 1.0]) @ affine)
+    if like is None:
+        return Volume(what)
+    found = _voxels(what)
+    if found.shape != like.shape:
+        raise usage_error(
+            f"an array of {found.shape} for a volume of {like.shape} voxels",
+            help="give an array of the volume's shape, [i, j, k]; or an image or a vgs.Volume with an affine of its own",
+        )
+    return Volume(found, like.affine, oriented=like._oriented)
 
 
-def as_roi(what: RoiLike, volume: Volume, labels: str | int | Iterable[str | int] | None = None) -> Roi:
+def as_roi(what: RoiLike, volume: Volume, labels: Labels = None) -> Roi:
     """Returns what a user has given as a region of a volume."""
+    bounds: list[Any] = list(what) if isinstance(what, (tuple, list)) else []
+    is_threshold = len(bounds) == 2 and all(isinstance(bound, numbers.Real) for bound in bounds)
+    if labels is not None and (is_threshold or isinstance(what, Roi)):
+        raise usage_error("labels, and a region without a mask", help="give the mask, or leave labels out")
     if isinstance(what, Roi):
         return what
-    if isinstance(what, tuple) and len(what) == 2 and all(isinstance(bound, (int, float)) for bound in what):
-        return Roi.from_threshold(volume, *what)
+    if is_threshold:
+        return Roi.from_threshold(volume, float(bounds[0]), float(bounds[1]))
     return Roi.from_mask(what, volume, labels)
 
 
-def _labels(labels: str | int | Iterable[str | int] | None) -> str | None:
+def _is_image(what: Any) -> bool:
+    """True of images of SimpleITK and nibabel."""
+    sitk = all(hasattr(what, name) for name in ("GetSpacing", "GetDirection", "GetOrigin"))
+    return sitk or (hasattr(what, "affine") and hasattr(what, "dataobj"))
+
+
+def _labels(labels: Labels) -> str | None:
     if labels is None or isinstance(labels, str):
         return labels
-    if isinstance(labels, int):
+    if isinstance(labels, numbers.Integral):
         return str(labels)
+    assert isinstance(labels, Iterable)
     return ",".join(f'"{name}"' if "," in str(name) else str(name) for name in labels)
 
 

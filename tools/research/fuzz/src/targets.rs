@@ -162,3 +162,25 @@ fn camera(path: &Path) -> Result<()> {
 fn camera_seeds() -> Vec<Vec<u8>> {
     vec![br#"{"eye_mm": [0, -300, 20], "target_mm": [0, 0, 0], "up": [0, 0, 1], "fov_deg": 30}"#.to_vec()]
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn every_format_of_a_file_is_fuzzed() {
+        let fuzzed =
+            |ending: &str| TARGETS.iter().any(|target| target.extension == ending.trim_start_matches('.'));
+        for format in engine::volume::FORMATS {
+            assert!(format.extensions.iter().any(|ending| fuzzed(ending)), "{} has no target", format.name);
+        }
+        let splats = engine::splat::FORMATS.iter().map(|format| format.name);
+        let pictures = image::file::FORMATS.iter().map(|format| format.name);
+        for name in splats.chain(pictures) {
+            assert!(fuzzed(name), "{name} has no target");
+        }
+        for format in transfer::FORMATS {
+            assert!(format.extensions.iter().any(|ending| fuzzed(ending)), "{} has no target", format.name);
+        }
+    }
+}
