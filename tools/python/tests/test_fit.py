@@ -86,11 +86,20 @@ def test_what_a_callable_raises_comes_through(ct, bone):
 
 
 def test_ctrl_c_ends_a_fit_with_what_there_is(ct, bone):
-    timer = threading.Timer(1.5, os.kill, (os.getpid(), signal.SIGINT))
-    timer.start()
-    begun = time.monotonic()
-    splats = vgs.fit(ct, bone, density=0.05, iterations=1_000_000, progress=False)
-    assert splats.stopped and len(splats) > 0 and time.monotonic() - begun < 30
+    def progress(news):
+        if news.get("iteration", 0) > 20:
+            os.kill(os.getpid(), signal.SIGINT)
+
+    splats = vgs.fit(ct, bone, density=0.05, iterations=1_000_000, progress=progress)
+    assert splats.stopped and len(splats) > 0 and splats.iterations < 1_000_000
+
+
+def test_ctrl_c_before_there_are_splats_is_an_interrupt(ct, bone):
+    def progress(news):
+        os.kill(os.getpid(), signal.SIGINT)
+
+    with pytest.raises(KeyboardInterrupt):
+        vgs.fit(ct, bone, quality="standard", progress=progress)
 
 
 def test_other_threads_run_meanwhile(ct, bone):
@@ -130,7 +139,7 @@ def test_several_fits_at_once_have_the_same_bits(ct, bone, splats):
 def test_a_time_budget_is_kept(ct, bone):
     begun = time.monotonic()
     vgs.fit(ct, bone, time_budget=3.0, progress=False)
-    assert time.monotonic() - begun < 8
+    assert time.monotonic() - begun < 15
     with pytest.raises(vgs.UsageError, match="budget"):
         vgs.fit(ct, bone, time_budget=-1.0, progress=False)
 
