@@ -14,7 +14,7 @@ use std::collections::BTreeMap;
 use glam::{DAffine3, DVec3, IVec3};
 use rayon::prelude::*;
 
-use crate::error::Result;
+use crate::error::{Error, Kind, Result};
 use crate::fit::errors::ErrorMap;
 use crate::fit::evaluate::{
     Evaluation, Metrics, Protocol, between_slices_of, evaluate, evaluate_field, with_slices,
@@ -35,6 +35,20 @@ const STEPS: f64 = 127.0;
 const MOST: f64 = 4.0;
 /// Colour of what no error is known of.
 const UNKNOWN: [f32; 3] = [0.36; 3];
+
+/// Returns the splats of a set in the voxel space of a volume.
+///
+/// # Errors
+/// [`Kind::BadData`] if none lies there: a measurement would only say how dark the volume is.
+pub fn in_volume(set: &SplatSet, volume: &Volume) -> Result<Vec<Splat>> {
+    let splats = set.to_voxel(&volume.world_from_voxel);
+    let inside = |s: &Splat| (0..3).all(|a| s.mean[a] >= -1.0 && s.mean[a] <= volume.size[a] as f32);
+    if splats.iter().any(inside) {
+        return Ok(splats);
+    }
+    let message = "no splat lies in the volume: they are of different scans, or one lost its place";
+    Err(Error::new(Kind::BadData, "VGS-FIT-041", message))
+}
 
 /// Measures what mode decoded shows of a set against a volume, in its region.
 ///

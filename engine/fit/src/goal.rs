@@ -33,6 +33,13 @@ impl Goal {
         psnr.min(p99)
     }
 
+    /// Describes the goal in a few words; `unit` is the text behind an intensity.
+    pub fn text(&self, unit: &str) -> String {
+        let psnr = self.psnr_db.map(|db| format!("a PSNR of {db} dB"));
+        let p99 = self.p99_hu.map(|hu| format!("99 of 100 voxels within {hu}{unit} of the scan"));
+        psnr.into_iter().chain(p99).collect::<Vec<_>>().join(" with ")
+    }
+
     /// Returns [`Goal::surplus_db`] of figures at the voxels.
     pub fn surplus_of(&self, metrics: &Metrics) -> f64 {
         self.surplus_db(metrics.psnr_db, metrics.p99_hu)

@@ -13,6 +13,9 @@ const NUMBERS: [&str; 2] = ["splats", "density"];
 /// Keys that say what error is to be reached.
 const TARGETS: [&str; 2] = ["target_psnr", "target_hu"];
 
+/// What a fit may miss of an error that it only aims at without a word, dB: half as much again.
+const AIM_DB: f64 = 3.5;
+
 /// Resolved hyper-parameters.
 #[derive(Clone, Debug)]
 pub struct Settings {
@@ -74,6 +77,13 @@ impl Settings {
             // What somebody asks for is to be reached, not only to be aimed at.
             config.target_rounds = FitConfig::default().target_rounds;
         }
+        if let Some(number) = NUMBERS.iter().find(|number| explicit.iter().any(|key| key == *number))
+            && config.has_goal()
+        {
+            let message = format!("{number} and a target both say how many splats there are");
+            return Err(Error::new(Kind::Usage, "VGS-CFG-017", message)
+                .help("leave one out; --max-splats limits what a target takes"));
+        }
         config.check()?;
         let quality = quality.map(str::to_owned);
         Ok(Settings { config, profile: profile.to_owned(), quality, explicit })
@@ -117,6 +127,18 @@ impl Settings {
     /// Returns true if an error or a number of splats was set: a limit of bytes then only limits.
     pub fn says_how_many(&self) -> bool {
         self.config.has_goal() || NUMBERS.iter().any(|key| self.is_explicit(key))
+    }
+
+    /// Returns true if the error to reach is only aimed at: trials find the number of splats, and that is final.
+    pub fn is_aim(&self) -> bool {
+        self.config.target_rounds == 0
+    }
+
+    /// Returns by how much the error to reach is missed, dB, if that is worth a word: `surplus_db` is how much better
+    /// than that a finished fit is ([`Goal::surplus_db`](super::Goal::surplus_db)).
+    pub fn missed_db(&self, surplus_db: f64) -> Option<f64> {
+        let allowed = if self.is_aim() { AIM_DB } else { 0.0 };
+        (surplus_db < -allowed).then_some(-surplus_db)
     }
 
     /// Returns the settings for a volume: the target of a quality is in HU, so where there are none a multiple of the
@@ -200,6 +222,22 @@ mod tests {
         let target = fine(&[("target_hu", json!(12))]);
         assert_eq!((target.target_hu, target.target_rounds), (12.0, 5), "to be reached, not only aimed at");
         assert_eq!(fine(&[("target_hu", json!(12)), ("target_rounds", json!(1))]).target_rounds, 1);
+    }
+
+    #[test]
+    fn two_answers_to_one_question_are_refused() {
+        for number in ["splats", "density"] {
+            let error = resolve(&[(number, json!(10)), ("target_hu", json!(50))]).expect_err("both");
+            assert!(error.code == "VGS-CFG-017" && error.message.contains(number), "{error}");
+        }
+    }
+
+    #[test]
+    fn what_is_aimed_at_may_be_missed_by_a_little() {
+        let of = |given: &[(&str, Value)]| resolve(given).unwrap();
+        let (aim, goal) = (of(&[]), of(&[("target_hu", json!(30))]));
+        assert_eq!((aim.missed_db(-3.0), aim.missed_db(-4.0)), (None, Some(4.0)));
+        assert_eq!((goal.missed_db(0.0), goal.missed_db(-0.5)), (None, Some(0.5)));
     }
 
     #[test]

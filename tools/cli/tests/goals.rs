@@ -55,7 +55,7 @@ fn two_answers_to_one_question_are_refused() {
     for number in [["--splats", "10"], ["--density", "0.1"]] {
         let ended = folder.run(&[&FIT[..4], &["-o", "a.ply", "--target-hu", "50"], &number[..]].concat());
         assert_eq!(ended.code, 2, "{}", ended.err);
-        assert!(ended.err.contains("VGS-CLI-125") && ended.err.contains(number[0]), "{}", ended.err);
+        assert!(ended.err.contains("VGS-CFG-017") && ended.err.contains(&number[0][2..]), "{}", ended.err);
     }
     assert!(!folder.path("a.ply").exists());
 }

@@ -10,6 +10,7 @@ use engine::fit::{
     SizeLimit, Stage, Watch,
 };
 use engine::splat::{self, WriteOptions};
+use engine::volume;
 use engine::{Error, Kind};
 use pyo3::exceptions::PyKeyboardInterrupt;
 use pyo3::prelude::*;
@@ -21,8 +22,6 @@ use crate::errors::{Raise, raised};
 use crate::splats::Splats;
 use crate::volume::{Roi, Volume};
 
-/// What a fit may miss of an error that it only aims at without a warning, dB.
-const AIM_DB: f64 = 3.5;
 /// Least time between two calls of the watching callable.
 const TELL_EVERY: Duration = Duration::from_millis(100);
 
@@ -61,19 +60,12 @@ pub fn fit<'py>(
     let time = time_budget.map(seconds).transpose()?;
     let limited = max_size.is_some() || time.is_some();
     let settings = Settings::new(profile, quality, &values, limited).or_raise()?.for_volume(volume.0.is_ct());
-    if settings.config.has_goal() && ["splats", "density"].iter().any(|key| settings.is_explicit(key)) {
-        let message = "a number of splats, and an error to reach, which says how many there are";
-        return Err(raised(
-            Error::new(Kind::Usage, "VGS-PY-024", message)
-                .help("leave one out; max_splats limits what a target takes"),
-        ));
-    }
     let mut watching = Watching::new(watch);
     let done = unlocked(py, || {
         with_device(device, |gpu| {
             let (volume, region) = (&*volume.0, &*roi.roi);
             let config = &settings.config;
-            let protocol = protocol(volume, region, config)?;
+            let protocol = protocol(volume, region, config);
             let name = if rounded { "splats.vgs" } else { "splats.ply" };
             let write = WriteOptions::default();
             let begun = Instant::now();
@@ -103,15 +95,16 @@ pub fn fit<'py>(
             if let (Some(goal), End::Finished, None) = (plan.goal(), &outcome.end, &lacking) {
                 let measure = fidelity::measured_as_shown(gpu, (volume, region), &protocol);
                 let found = measure(plan.problem(), &set, &outcome.splats)?;
-                let surplus = goal.surplus_of(&found);
-                if surplus < if config.target_rounds == 0 { -AIM_DB } else { 0.0 } {
+                if let Some(db) = settings.missed_db(goal.surplus_of(&found)) {
+                    let reach = match settings.is_aim() {
+                        true => "a target_hu of your own reaches it",
+                        false => "the limits of the fit leave no more splats",
+                    };
+                    let unit = volume.unit().text();
                     tracing::warn!(
-                        "the error that was aimed at is missed by {:.1} dB: 99 of 100 voxels are within {:.1}{}, the PSNR is \
-                         {:.1} dB; a target_hu or target_psnr of your own is reached by more splats, within max_splats, max_size \
-                         and time_budget",
-                        -surplus,
+                        "{} is missed by {db:.1} dB ({:.1}{unit}, {:.1} dB): {reach}",
+                        goal.text(unit),
                         found.p99_hu,
-                        volume.unit().text(),
                         found.psnr_db
                     );
                 }
@@ -133,27 +126,19 @@ pub fn fit<'py>(
     told.set_item("iterations", iterations)?;
     told.set_item("seconds", seconds)?;
     told.set_item("stopped", stopped)?;
-    told.set_item("quality", &settings.quality)?;
     Ok((Splats::new(set), told))
 }
 
 /// Returns the protocol by which `vgs fit` measures its goal.
-fn protocol(
-    volume: &engine::volume::Volume,
-    roi: &engine::volume::Roi,
-    config: &FitConfig,
-) -> engine::Result<Protocol> {
+fn protocol(volume: &volume::Volume, roi: &volume::Roi, config: &FitConfig) -> Protocol {
     let whole = volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
+    // A fit over the region's range is measured over it, too, and every voxel counts alike.
     let (range, unweighted) = match config.range {
         IntensityRange::Roi => (roi.range(volume).unwrap_or(whole), 0.01),
         IntensityRange::Auto => (whole, 0.0),
     };
-    Ok(Protocol {
-        offsets: Vec::new(),
-        range,
-        shell: config.shell,
-        threshold: f32::max(unweighted, config.region_threshold),
-    })
+    let threshold = f32::max(unweighted, config.region_threshold);
+    Protocol { offsets: Vec::new(), range, shell: config.shell, threshold }
 }
 
 fn seconds(time: f64) -> PyResult<Duration> {

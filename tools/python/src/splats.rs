@@ -2,14 +2,14 @@
 
 use std::collections::BTreeMap;
 use std::ops::RangeInclusive;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
-use engine::fidelity::evaluate_decoded;
+use engine::fidelity::{evaluate_decoded, in_volume};
 use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::place::place;
 use engine::rasterize::{Quantity, grid_around, rasterize};
-use engine::render::{Probe, SplatKind};
+use engine::render::Probe;
 use engine::splat::{self, Activations, Form, Grid, Kernel, SplatSet, WriteOptions, activation};
 use engine::unit::Unit;
 use engine::volume;
@@ -164,7 +164,7 @@ impl Splats {
         if !base.field.background.is_finite() {
             let message = format!("a background of {}", base.field.background);
             return Err(raised(
-                Error::new(Kind::Usage, "VGS-PY-023", message).help("give a finite intensity"),
+                Error::new(Kind::Usage, "VGS-PY-022", message).help("give a finite intensity"),
             ));
         }
         if let Some(names) = label_names {
@@ -193,12 +193,6 @@ impl Splats {
     fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
         let options = WriteOptions { force, ..WriteOptions::default() };
         unlocked(py, || splat::write_as(&path, &self.0, &options))
-    }
-
-    /// Returns the bytes of a file of this extension.
-    fn file_bytes(&self, py: Python<'_>, extension: &str) -> PyResult<u64> {
-        let name = format!("splats.{extension}");
-        unlocked(py, || splat::file_bytes(Path::new(&name), &self.0, &WriteOptions::default()))
     }
 
     /// Returns true if the splats were rounded, as those of a small file are.
@@ -308,12 +302,6 @@ impl Splats {
             .map(|Grid { size, world_from_voxel }| (size, matrix_of(&world_from_voxel).into_pyarray(py)))
     }
 
-    /// Name of the mode that shows these splats by default.
-    #[getter]
-    fn usual_mode(&self) -> &'static str {
-        SplatKind::of(&self.0).usual_mode()
-    }
-
     /// Returns intensity and occupancy at points [point, x y z], mm RAS; NaN and 0 where no splat reaches.
     fn field<'py>(
         &self,
@@ -404,21 +392,8 @@ impl Splats {
             shell: 4,
             threshold: 0.0,
         };
-        let reached = set.to_voxel(&of.world_from_voxel).iter().any(|splat| {
-            let reach = splat.reach(set.field.kernel.support_q());
-            (0..3).all(|k| {
-                let mean = f64::from(splat.mean[k]);
-                mean + reach[k] >= 0.0 && mean - reach[k] <= of.size[k] as f64 - 1.0
-            })
-        });
-        if !reached {
-            let message = "no splat lies in the volume: they are of different scans, or one lost its place";
-            return Err(raised(
-                Error::new(Kind::BadData, "VGS-PY-022", message)
-                    .help("give the volume that was fitted, with its affine"),
-            ));
-        }
         let evaluated = || {
+            in_volume(set, of)?;
             let between = evaluate::between_slices_of(set, of);
             with_device(device, |gpu| {
                 evaluate::with_slices(of, region, between, &protocol, |of, region, protocol| match set.form {

@@ -312,11 +312,6 @@ impl Roi {
         self.roi.size
     }
 
-    #[getter]
-    fn soft(&self) -> bool {
-        self.roi.soft
-    }
-
     /// Names of the chosen labels by number.
     #[getter]
     fn label_names(&self) -> BTreeMap<u8, String> {

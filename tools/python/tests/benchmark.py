@@ -42,4 +42,6 @@ with tempfile.TemporaryDirectory() as folder:
         splats = vgs.fit(ct, roi, progress=False, **settings)
         ours.append(time.monotonic() - begun)
 program, python = statistics.median(theirs), statistics.median(ours)
-print(f"{len(splats)} splats, {rounds} rounds: program {program:.3f} s, Python {python:.3f} s, ratio {python / program:.3f}")
+print(
+    f"{len(splats)} splats, {rounds} rounds: program {program:.3f} s, Python {python:.3f} s, ratio {python / program:.3f}"
+)

@@ -22,7 +22,11 @@ import vgs
         ("a.ply", ["--density", "0.05", "--iterations", "40"], {"density": 0.05, "iterations": 40}),
         ("a.vgs", ["--density", "0.05", "--iterations", "40"], {"density": 0.05, "iterations": 40, "rounded": True}),
         ("b.ply", ["--quality", "preview"], {"quality": "preview"}),
-        ("c.ply", ["--target-hu", "90", "--iterations", "60"], {"target_hu": np.float32(90), "iterations": np.int64(60)}),
+        (
+            "c.ply",
+            ["--target-hu", "90", "--iterations", "60"],
+            {"target_hu": np.float32(90), "iterations": np.int64(60)},
+        ),
         ("d.ply", ["--max-size", "20K", "--iterations", "30"], {"max_size": 20 * 1024, "iterations": 30}),
         (
             "e.ply",
@@ -171,7 +175,7 @@ def test_every_setting_is_taken_at_its_default_and_checked(key, ct, bone):
         ({"kernel": object()}, "kernel"),
         ({"device": "no such device"}, "no such device"),
         ({"target_hu": 30, "labels": "liver"}, "liver|label"),
-        ({"target_hu": 30, "density": 0.1}, "number of splats"),
+        ({"target_hu": 30, "density": 0.1}, "density and a target"),
         ({"progress": "yes"}, "progress"),
     ],
 )

@@ -45,7 +45,9 @@ def test_types_pass_mypy():
 
 def test_without_a_driver_it_says_what_to_install():
     environment = {**os.environ, "VK_DRIVER_FILES": "/nowhere.json", "VK_ICD_FILENAMES": "/nowhere.json"}
-    code = "import vgs\ntry: vgs.render([[[1.0]]], size=(8, 8))\nexcept vgs.DeviceUnavailableError as e: print(e, e.help)"
+    code = (
+        "import vgs\ntry: vgs.render([[[1.0]]], size=(8, 8))\nexcept vgs.DeviceUnavailableError as e: print(e, e.help)"
+    )
     told = subprocess.run([sys.executable, "-c", code], env=environment, capture_output=True, text=True, check=True)
     assert "mesa-vulkan-drivers" in told.stdout, told
 
@@ -102,7 +104,9 @@ def write_dicom(ct, folder):
 
 @pytest.mark.parametrize("example", EXAMPLES, ids=lambda path: path.name)
 def test_examples_run(example, folder):
-    done = subprocess.run(through_runner(sys.executable, example), cwd=folder, capture_output=True, text=True, check=False)
+    done = subprocess.run(
+        through_runner(sys.executable, example), cwd=folder, capture_output=True, text=True, check=False
+    )
     assert done.returncode == 0, done.stderr
     assert done.stdout
     if example.name == "cases.py":

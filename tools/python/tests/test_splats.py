@@ -96,8 +96,14 @@ def test_edited_arrays_make_a_set(splats, tmp_path):
     moved.save(tmp_path / "moved.vgs")
     assert len(vgs.load(tmp_path / "moved.vgs")) == len(splats)
     made = vgs.SplatSet.from_arrays(
-        [[0, 0, 0], [5, 0, 0]], [[1, 1, 1], [2, 1, 1]], [[1, 0, 0, 0], [2, 0, 0, 0]], [0.5, 0.9], [100, 900], [1, 2],
-        label_names={1: "liver", 2: "bone"}, kernel="gaussian",
+        [[0, 0, 0], [5, 0, 0]],
+        [[1, 1, 1], [2, 1, 1]],
+        [[1, 0, 0, 0], [2, 0, 0, 0]],
+        [0.5, 0.9],
+        [100, 900],
+        [1, 2],
+        label_names={1: "liver", 2: "bone"},
+        kernel="gaussian",
     )
     assert made.form == "field" and made.kernel == "gaussian" and made.label_names == {1: "liver", 2: "bone"}
     np.testing.assert_allclose(made.rotations, [[1, 0, 0, 0]] * 2)

@@ -17,7 +17,9 @@ AFFINE = np.array([[-0.8, 0.1, 0, 30], [0, 0.9, -0.2, -12], [0.1, 0, 2.5, 700], 
 @pytest.mark.parametrize("order", ["F", "C"])
 @pytest.mark.parametrize("dtype", [np.float32, np.float64, np.int16, np.uint8, np.bool_, ">i2"])
 def test_an_array_keeps_its_values_and_places(ball, order, dtype):
-    array = np.asarray(np.clip(ball, 0, 200) > 100 if np.dtype(dtype) == bool else np.clip(ball, 0, 200), dtype, order=order)
+    array = np.asarray(
+        np.clip(ball, 0, 200) > 100 if np.dtype(dtype) == bool else np.clip(ball, 0, 200), dtype, order=order
+    )
     volume = vgs.Volume(array, AFFINE)
     assert volume.shape == (24, 20, 16)
     np.testing.assert_array_equal(volume.array, array.astype(np.float32))
@@ -110,7 +112,11 @@ def test_dlpack_is_taken(ball):
 def test_volumes_are_compared(ct, bone, splats):
     assert ct.compare(ct).psnr_db == float("inf") and ct.compare(ct).voxels == ct.array.size
     found = ct.compare(ct.array + 10, bone, range=(-1000, 2000))
-    assert (found.voxels, found.mean_hu, found.largest_hu) == (bone.voxels, pytest.approx(10), pytest.approx(10, rel=1e-4))
+    assert (found.voxels, found.mean_hu, found.largest_hu) == (
+        bone.voxels,
+        pytest.approx(10),
+        pytest.approx(10, rel=1e-4),
+    )
     assert found.psnr_db == pytest.approx(20 * np.log10(300), abs=0.01)
     rasterised = ct.compare(splats.rasterize(quantity="field"), bone)
     assert rasterised.rmse_hu == pytest.approx(splats.evaluate(ct, bone).rmse_hu, rel=1e-2)

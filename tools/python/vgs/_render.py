@@ -27,7 +27,9 @@ TRANSFER_FUNCTIONS: dict[str, tuple[str, str]] = {
 #: Three numbers.
 Numbers = Union[Sequence[float], npt.NDArray[Any]]
 #: How objects are shown, by name or number.
-Objects = Union[Mapping[str, Mapping[str, Any]], Mapping[int, Mapping[str, Any]], Mapping[Union[str, int], Mapping[str, Any]]]
+Objects = Union[
+    Mapping[str, Mapping[str, Any]], Mapping[int, Mapping[str, Any]], Mapping[Union[str, int], Mapping[str, Any]]
+]
 #: Control points of a transfer function: intensity, (red, green, blue) and opacity per mm, 0 to 1.
 Points = Sequence[tuple[float, tuple[float, float, float], float]]
 
@@ -128,7 +130,9 @@ def render(
     """
     splats, volume, region = _shown(what, roi)
     if not isinstance(camera, str) and (fov is not None or zoom != 1.0):
-        raise usage_error("fov or zoom, and a camera that has its own", help="give them for a side, or Camera(..., fov=)")
+        raise usage_error(
+            "fov or zoom, and a camera that has its own", help="give them for a side, or Camera(..., fov=)"
+        )
     hidden = [hide] if isinstance(hide, (str, int)) else list(hide)
     asked = {
         "size": [_whole("size", n) for n in size],
@@ -279,9 +283,7 @@ def _background(background: str | tuple[float, float, float] | None) -> tuple[fl
     try:
         red, green, blue = bytes.fromhex(background.removeprefix("#"))
     except ValueError:
-        raise usage_error(
-            f"no colour is called {background!r}", help="black, white, grey, #rrggbb, or None"
-        ) from None
+        raise usage_error(f"no colour is called {background!r}", help="black, white, grey, #rrggbb, or None") from None
     return red / 255, green / 255, blue / 255
 
 

@@ -6,7 +6,7 @@ import os
 import tempfile
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from typing import Any, Union
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -167,6 +167,11 @@ class SplatSet:
     def kernel(self) -> str:
         """``"compact"``, ``"gaussian"`` or ``"density"``."""
         return self._native.kernel
+
+    @property
+    def background(self) -> float:
+        """Intensity where no splat reaches, HU."""
+        return self._native.background
 
     @property
     def form(self) -> str:
@@ -356,9 +361,7 @@ class SplatSet:
         return self.grid
 
 
-def load(
-    *paths: str | os.PathLike[str], volume: VolumeLike | None = None, roi: RoiLike | None = None
-) -> SplatSet:
+def load(*paths: str | os.PathLike[str], volume: VolumeLike | None = None, roi: RoiLike | None = None) -> SplatSet:
     """Reads splats: .ply, .vgs, .spz, .glb. Several files become one set, whose labels are the files.
 
     Args:

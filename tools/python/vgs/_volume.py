@@ -258,7 +258,13 @@ class Roi:
         native = as_volume(volume)._native()
         return Roi(
             _vgs.Roi.from_threshold(
-                native, float(low), float(high), min_ml=min_ml, largest=largest, close_mm=close_mm, fill_holes=fill_holes
+                native,
+                float(low),
+                float(high),
+                min_ml=min_ml,
+                largest=largest,
+                close_mm=close_mm,
+                fill_holes=fill_holes,
             )
         )
 
@@ -407,7 +413,8 @@ def _voxels(array: npt.ArrayLike) -> FloatArray:
         found = found[..., 0]
     if found.ndim != 3:
         raise usage_error(
-            f"an array of {found.ndim} axes {found.shape}", help="give three axes, [i, j, k]; of a series choose one volume: array[..., n]",
+            f"an array of {found.ndim} axes {found.shape}",
+            help="give three axes, [i, j, k]; of a series choose one volume: array[..., n]",
         )
     if found.dtype.kind not in "biuf":
         raise usage_error(f"an array of {found.dtype}", help="give numbers, as HU in float32")

@@ -5,14 +5,14 @@ use std::path::{Path, PathBuf};
 use std::time::Instant;
 
 use clap::{Args, ValueEnum};
-use engine::fidelity::evaluate_decoded;
+use engine::Result;
+use engine::fidelity::{evaluate_decoded, in_volume};
 use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::place::place;
 use engine::output::write_atomic;
-use engine::splat::{Form, Splat, SplatSet};
+use engine::splat::Form;
 use engine::volume::{BetweenSlices, nifti};
-use engine::{Error, Kind, Result};
 use serde::Serialize;
 
 use crate::picture;
@@ -142,7 +142,7 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
     let (case, labels) = Case::read_labelled(&arguments.volume, &arguments.read, &arguments.region)?;
     let set = read.placed(Some(&place(&case.volume, Some(&case.roi))))?;
     splat_files::warn_of_another_volume(&set, &case.volume, &arguments.volume);
-    let splats = in_volume(&set, &case, &arguments.splats)?;
+    let splats = in_volume(&set, &case.volume).map_err(|e| e.file(&arguments.splats))?;
     let gpu = arguments.device.boot()?;
     let protocol = arguments.protocol(&case)?;
     let waiting = Waiting::on("measuring the splats");
@@ -234,18 +234,6 @@ fn range_of(chosen: Option<Range>) -> (&'static str, &'static str) {
         Some(Range::Roi) => ("roi", "the volume's inside the region"),
         Some(Range::Own) | None => ("volume", "of the whole volume"),
     }
-}
-
-/// Returns the splats in the voxel space of a case; an error if none lies there.
-fn in_volume(set: &SplatSet, case: &Case, path: &Path) -> Result<Vec<Splat>> {
-    let splats = set.to_voxel(&case.volume.world_from_voxel);
-    let size = case.volume.size;
-    let inside = |s: &Splat| (0..3).all(|a| s.mean[a] >= -1.0 && s.mean[a] <= size[a] as f32);
-    if !splats.iter().any(inside) {
-        let message = "no splat lies in the volume: they are of different scans, or one lost its place";
-        return Err(Error::new(Kind::BadData, "VGS-CLI-042", message).file(path));
-    }
-    Ok(splats)
 }
 
 fn csv(evaluation: &Evaluation) -> String {

@@ -10,7 +10,6 @@ use engine::fit::{EARLY, Fitter, Goal, QualityPreset, ROUNDING_ITERATIONS, Sched
 use engine::gpu::Gpu;
 use engine::splat::{self, Splat, SplatSet};
 
-use super::count;
 use super::prepare::Prepared;
 use crate::report::estimate::{Estimate, VoxelErrors};
 use crate::shared::waiting::Waiting;
@@ -129,8 +128,8 @@ pub fn estimate(plan: &Trying<'_>) -> Result<Estimate> {
         early,
         expected: expected(plan, early),
         target: fit.goal().map(|goal| {
-            let about = if count::is_aim(settings) { "about " } else { "" };
-            format!("{about}{}", count::text(goal, case.volume.unit().text()))
+            let about = if settings.is_aim() { "about " } else { "" };
+            format!("{about}{}", goal.text(case.volume.unit().text()))
         }),
         calibration_seconds: begun.elapsed().as_secs_f64(),
         found_seconds: prepared.start.elapsed().as_secs_f64(),

@@ -6,7 +6,6 @@
 //! | `run` | the command, stage by stage: prepare, estimate, fit, evaluate, report |
 //! | `stages` | estimate, fit, evaluate |
 //! | `prepare` | the first stage: reads, chooses and checks |
-//! | `count` | words for how many splats a target takes |
 //! | `doubts` | what is probably not meant, told or asked about first |
 //! | `explain` | estimates what the fit will cost, by its first iterations |
 //! | `telling` | tells of the stages of a fit besides its iterations |
@@ -16,7 +15,6 @@
 
 mod arguments;
 mod checkpoint;
-mod count;
 mod doubts;
 mod explain;
 mod output_files;

@@ -6,9 +6,9 @@ use engine::fit::evaluate::Evaluation;
 use engine::fit::{End, Outcome};
 use engine::{Result, splat};
 
+use super::checkpoint;
 use super::prepare::Prepared;
 use super::stages::{Evaluated, Fitted};
-use super::{checkpoint, count};
 use crate::report::estimate::{CheckedEstimate, Estimate};
 use crate::report::quality::{Quality, quality_text};
 use crate::report::record::{MemoryRecord, RoiRecord, RunRecord, Timings, VolumeRecord, WorkingRecord};
@@ -101,19 +101,15 @@ fn surplus(prepared: &Prepared<'_>, evaluated: &Evaluated) -> Option<f64> {
     Some(prepared.plan.goal()?.surplus_of(&evaluation.on_grid))
 }
 
-/// What a fit may miss of a target that it only aims at without a warning, dB: half as much again.
-const AIM_DB: f64 = 3.5;
-
 /// Warns of a target that the fit has missed.
 fn warn_of_target(prepared: &Prepared<'_>, evaluated: &Evaluated) {
-    let Some((goal, db)) = prepared.plan.goal().zip(surplus(prepared, evaluated)) else { return };
-    let target = count::text(goal, prepared.case.volume.unit().text());
-    if count::is_aim(prepared.settings) {
-        if db < -AIM_DB {
-            tracing::warn!("{target} was aimed at, and is missed by {:.1} dB: --target-hu reaches it", -db);
-        }
-    } else if db < 0.0 {
-        tracing::warn!("{target} is missed by {:.2} dB: the limits of the fit leave no more splats", -db);
+    let Some((goal, surplus)) = prepared.plan.goal().zip(surplus(prepared, evaluated)) else { return };
+    let Some(db) = prepared.settings.missed_db(surplus) else { return };
+    let target = goal.text(prepared.case.volume.unit().text());
+    if prepared.settings.is_aim() {
+        tracing::warn!("{target} was aimed at, and is missed by {db:.1} dB: --target-hu reaches it");
+    } else {
+        tracing::warn!("{target} is missed by {db:.2} dB: the limits of the fit leave no more splats");
     }
 }
 

@@ -5,11 +5,11 @@ use std::time::Instant;
 use engine::fit::End;
 
 use super::arguments::FitArguments;
+use super::doubts;
 use super::output_files::OutputFiles;
 use super::prepare::{Inputs, prepare};
 use super::reporting::report;
 use super::stages::{estimate, evaluate, fit};
-use super::{count, doubts};
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::signals::Signals;
@@ -18,7 +18,6 @@ use crate::shared::signals::Signals;
 pub fn run(arguments: &FitArguments, console: &Console) -> Result<u8, Stop> {
     let start = Instant::now();
     let settings = arguments.settings.resolve(arguments.is_limited())?;
-    count::check(&settings)?;
     let files = OutputFiles::checked(arguments)?;
     let signals = Signals::install()?;
     let _lock = files.lock(arguments, &signals)?;

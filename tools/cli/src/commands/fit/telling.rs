@@ -4,7 +4,6 @@ use std::ops::ControlFlow;
 
 use engine::fit::{Count, Goal, Stage, Trial, Watch};
 
-use super::count::text;
 use crate::shared::console::Console;
 use crate::shared::figures::bytes;
 use crate::shared::signals::Signals;
@@ -27,7 +26,7 @@ impl<'a> Stages<'a> {
     }
 
     fn target(&self) -> String {
-        self.goal.map(|goal| text(&goal, self.unit)).unwrap_or_default()
+        self.goal.map(|goal| goal.text(self.unit)).unwrap_or_default()
     }
 }
 
