@@ -31,7 +31,7 @@ vec3 look_lit(vec3 base, vec3 gradient, vec3 ray, vec3 source, float light) {
 
 // Depths between which a ray is inside all clip planes: eye + z * direction, z from range.x to range.y.
 vec2 look_clipped(vec3 eye, vec3 direction, vec2 range) {
-    for (uint i = 0; i < look_rows[0].plane_count; ++i) {
+    for (uint i = 0u; i < look_rows[0].plane_count; ++i) {
         vec4 plane = look_rows[0].planes[i];
         float at = dot(plane.xyz, eye) + plane.w;
         float slope = dot(plane.xyz, direction);

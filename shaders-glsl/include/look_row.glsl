@@ -4,10 +4,10 @@
 #extension GL_EXT_scalar_block_layout : require
 
 // Most clip planes at a time; a box takes six.
-const uint CLIP_PLANES = 8;
+const uint CLIP_PLANES = 8u;
 
 // Entries of a table of factors of the opacity over the gradient magnitude.
-const uint GRADIENT_ENTRIES = 256;
+const uint GRADIENT_ENTRIES = 256u;
 
 // See types.rs.
 struct Look {

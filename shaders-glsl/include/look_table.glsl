@@ -45,8 +45,8 @@ vec4 look_segment(uint function, float from, float to) {
     uint ia = first + na, ib = first + nb;
     uvec4 ka = look_integrals[ia], kb = look_integrals[ib];
     vec4 whole = vec4(kb - ka);
-    vec4 part = (cb - float(nb)) * vec4(look_integrals[ib + 1] - kb)
-        - (ca - float(na)) * vec4(look_integrals[ia + 1] - ka);
+    vec4 part = (cb - float(nb)) * vec4(look_integrals[ib + 1u] - kb)
+        - (ca - float(na)) * vec4(look_integrals[ia + 1u] - ka);
     vec4 sum = max((whole + part) * look_rows[function].integral_unit, 0.0);
     if (below > 0.0) {
         vec4 e = look_entry(first);

@@ -17,14 +17,14 @@
 #define MEDIUM_BINDING 4
 #include "medium.glsl"
 
-layout(constant_id = 3) const uint COUNTING = 0; // 1: work is counted, see Gathered
-layout(constant_id = 4) const uint SEGMENTS = 0; // 1: the transfer function is integrated between samples
-layout(constant_id = 5) const uint SHADED = 0;   // 1: with the gradient's light
-layout(constant_id = 6) const uint HIDDEN = 0;   // 1: what no eye sees stays transparent
-layout(constant_id = 7) const uint JITTER = 0;   // 1: each ray's cells are shifted by a random part of a step
-layout(constant_id = 8) const uint OCCLUDED = 0; // 1: less light where much around is opaque; with SHADED
-layout(constant_id = 9) const uint GRADED = 0;   // 1: the opacity depends on the gradient magnitude, too
-layout(constant_id = 10) const uint KEPT = 0;    // 1: gradients are kept for the voxels
+layout(constant_id = 3) const uint COUNTING = 0u; // 1: work is counted, see Gathered
+layout(constant_id = 4) const uint SEGMENTS = 0u; // 1: the transfer function is integrated between samples
+layout(constant_id = 5) const uint SHADED = 0u;   // 1: with the gradient's light
+layout(constant_id = 6) const uint HIDDEN = 0u;   // 1: what no eye sees stays transparent
+layout(constant_id = 7) const uint JITTER = 0u;   // 1: each ray's cells are shifted by a random part of a step
+layout(constant_id = 8) const uint OCCLUDED = 0u; // 1: less light where much around is opaque; with SHADED
+layout(constant_id = 9) const uint GRADED = 0u;   // 1: the opacity depends on the gradient magnitude, too
+layout(constant_id = 10) const uint KEPT = 0u;    // 1: gradients are kept for the voxels
 layout(push_constant, scalar) uniform RaymarchParams {
     BrickGrid grid;
     vec4 voxel_from_scene[3];
@@ -71,16 +71,16 @@ const float HIDING = 0.5;
 // V and what opacities leave of O at a place.
 vec2 field_at(vec3 at) {
     vec2 found = medium_at(p.grid, at, image_place(p.grid, at));
-    if (OBJECTS != 0) found.y = shown_at(p.grid, at, found.y);
+    if (OBJECTS != 0u) found.y = shown_at(p.grid, at, found.y);
     return vec2(p.first + p.span * found.x, found.y);
 }
 
 // The factor of the opacity that a function makes of a gradient magnitude, straight from entry to entry of its table.
 float gradient_factor(uint function, float magnitude) {
-    float at = min(magnitude * look_rows[function].inverse_gradient_step, float(GRADIENT_ENTRIES - 1));
-    uint low = min(uint(at), GRADIENT_ENTRIES - 2);
+    float at = min(magnitude * look_rows[function].inverse_gradient_step, float(GRADIENT_ENTRIES - 1u));
+    uint low = min(uint(at), GRADIENT_ENTRIES - 2u);
     uint entry = function * GRADIENT_ENTRIES + low;
-    return mix(gradient_factors[entry], gradient_factors[entry + 1], at - float(low));
+    return mix(gradient_factors[entry], gradient_factors[entry + 1u], at - float(low));
 }
 
 // Colour, and opacity per mm, of what the functions of the objects around a place make of the way from one intensity
@@ -95,7 +95,7 @@ vec4 objects_shown(vec3 at, vec2 way, float magnitude, float shown) {
     vec4 sum = vec4(0.0), got = vec4(0.0); // colour times opacity, and opacity; what the last function made of it
     uint last = NO_FUNCTION;
     uint corners = alone ? 1u : 8u;
-    for (uint corner = 0; corner < corners; ++corner) {
+    for (uint corner = 0u; corner < corners; ++corner) {
         if (!alone) {
             Voxel voxel = voxel_at(low, place - vec3(low), corner);
             object = voxel.object;
@@ -103,10 +103,10 @@ vec4 objects_shown(vec3 at, vec2 way, float magnitude, float shown) {
         }
         if (object.function != last) {
             last = object.function;
-            if (SEGMENTS == 1) got = look_segment(last, way.x, way.y);
+            if (SEGMENTS == 1u) got = look_segment(last, way.x, way.y);
             else got = look_point(last, way.y);
             got.a = 1.0 - exp(-got.a);
-            if (GRADED == 1) got.a *= gradient_factor(last, magnitude);
+            if (GRADED == 1u) got.a *= gradient_factor(last, magnitude);
         }
         sum += shown * got.a * vec4(tinted(got.rgb, object.tint), 1.0);
     }
@@ -122,7 +122,7 @@ bool could_show(float past, vec2 start, vec2 end) {
         max(start.x, end.x) + max(p.slack, rise - half_change));
     vec2 at = (ends - look_rows[0].first) * look_rows[0].inverse_step;
     vec2 entry = clamp(vec2(floor(at.x), ceil(at.y)), 0.0, look_rows[0].last);
-    return max(start.y, end.y) > 0.0 && visible_before[uint(entry.y) + 1] > visible_before[uint(entry.x)];
+    return max(start.y, end.y) > 0.0 && visible_before[uint(entry.y) + 1u] > visible_before[uint(entry.x)];
 }
 
 // O (V - dark)
@@ -134,7 +134,7 @@ float excess(vec3 at) {
 // Twice the gradient of O (V - dark) in voxel space, by central differences over a voxel on each side: those of the
 // voxels around, or where there was no memory for them, of what is interpolated.
 vec3 slopes_at(vec3 at) {
-    if (KEPT == 1) return textureLod(gradients, image_place(p.grid, at), 0.0).xyz;
+    if (KEPT == 1u) return textureLod(gradients, image_place(p.grid, at), 0.0).xyz;
     return vec3(
         excess(at + vec3(1.0, 0.0, 0.0)) - excess(at - vec3(1.0, 0.0, 0.0)),
         excess(at + vec3(0.0, 1.0, 0.0)) - excess(at - vec3(0.0, 1.0, 0.0)),
@@ -160,7 +160,7 @@ mat3 scene_from_voxel() {
 float blocked_at(vec3 at, vec3 in_scene, float path) {
     uint function;
     vec2 here = medium_near(p.grid, at, function);
-    for (uint i = 0; i < look_rows[0].plane_count; ++i) {
+    for (uint i = 0u; i < look_rows[0].plane_count; ++i) {
         vec4 plane = look_rows[0].planes[i];
         if (dot(plane.xyz, in_scene) + plane.w < 0.0) here.y = 0.0;
     }
@@ -177,18 +177,18 @@ float occlusion_at(vec3 at, vec3 in_scene, vec3 gradient, mat3 scene_from_voxel)
         length(p.voxel_from_scene[0].xyz), length(p.voxel_from_scene[1].xyz), length(p.voxel_from_scene[2].xyz));
     float most = max(per_mm.x, max(per_mm.y, per_mm.z));
     float sum = 0.0;
-    for (uint ball = 0; ball < 2; ++ball) {
-        float radius = ball == 0 ? SMALL_BALL : LARGE_BALL;
+    for (uint ball = 0u; ball < 2u; ++ball) {
+        float radius = ball == 0u ? SMALL_BALL : LARGE_BALL;
         vec3 radii = max(radius / most * per_mm, SMALL_BALL);
         vec3 inward = radii * gradient;
         float steepness = dot(inward, inward);
         if (steepness <= 0.0) return 0.0;
         inward *= inversesqrt(steepness);
         // The second tetrahedron points the other way.
-        float corner = ball == 0 ? BALL_CORNER : -BALL_CORNER;
-        for (uint i = 0; i < 4; ++i) {
-            vec3 signs = i == 0 ? vec3(1.0) : i == 1 ? vec3(1.0, -1.0, -1.0)
-                : i == 2 ? vec3(-1.0, 1.0, -1.0) : vec3(-1.0, -1.0, 1.0);
+        float corner = ball == 0u ? BALL_CORNER : -BALL_CORNER;
+        for (uint i = 0u; i < 4u; ++i) {
+            vec3 signs = i == 0u ? vec3(1.0) : i == 1u ? vec3(1.0, -1.0, -1.0)
+                : i == 2u ? vec3(-1.0, 1.0, -1.0) : vec3(-1.0, -1.0, 1.0);
             vec3 away = radii * (corner * signs - inward);
             sum += blocked_at(at + away, in_scene + scene_from_voxel * away, radius / most);
         }
@@ -237,9 +237,9 @@ Gathered march(vec2 place, uint view, bool wanted) {
     // Cell k goes from depth (k + shift) dz to (k + 1 + shift) dz.
     float dz = p.cell / len;
     float shift = 0.0;
-    if (JITTER == 1) shift = noise(uvec2(place), view);
+    if (JITTER == 1u) shift = noise(uvec2(place), view);
     bool open = wanted && range.x < range.y;
-    if (HIDDEN == 1 && open) {
+    if (HIDDEN == 1u && open) {
         uvec2 patch_at = uvec2(place) * PATCHES / p.size;
         open = !all_hidden(view, patch_at, patch_at);
     }
@@ -262,15 +262,15 @@ Gathered march(vec2 place, uint view, bool wanted) {
     vec3 gradient = vec3(0.0);     // in eye space, as last found,
     float light = 1.0;             // with what ambient occlusion leaves of the light
     vec3 source = vec3(0.0);
-    if (SHADED == 1) source = look_source(v);
+    if (SHADED == 1u) source = look_source(v);
     mat3 from_voxel = mat3(0.0);
-    if (OCCLUDED == 1) from_voxel = scene_from_voxel();
-    bool ends_known = p.parts > 1u || SEGMENTS == 1; // cells of one part are sampled there alone
+    if (OCCLUDED == 1u) from_voxel = scene_from_voxel();
+    bool ends_known = p.parts > 1u || SEGMENTS == 1u; // cells of one part are sampled there alone
     float share_of_part = 1.0 / float(p.parts);
     vec2 start = vec2(0.0, -1.0); // V and O at the start of the cell; O < 0: not known
     float past = 0.0; // V at the start of the cell before
     while (k <= last && subgroupAny(open)) {
-        if (COUNTING == 1) work.x += 1;
+        if (COUNTING == 1u) work.x += 1u;
         float from = max((k + shift) * dz, range.x), to = min((k + 1.0 + shift) * dz, range.y);
         open = open && from < range.y;
         bool there = open && from < to;
@@ -278,12 +278,13 @@ Gathered march(vec2 place, uint view, bool wanted) {
         bool leap = false;
         if (k >= until) {
             vec3 at = origin + 0.5 * (from + to) * direction;
-            uvec3 brick = min(uvec3(max(at + 1.0, 0.0)) >> p.grid.shift, p.grid.bricks - 1);
+            uvec3 brick = min(uvec3(max(at + 1.0, 0.0)) >> p.grid.shift, p.grid.bricks - 1u);
             int away = int(distances[brick_index(p.grid, brick)]);
             // The faces behind which this brick ends, or the cube of empty ones around it.
             int reach = max(away, 1);
             ivec3 low = ivec3(brick) - reach + 1, high = ivec3(brick) + reach;
-            vec3 wall = vec3(mix(low, high, greaterThan(direction, vec3(0.0))) * (ivec3(1) << ivec3(p.grid.shift))) - 1.0;
+            vec3 edge = vec3(uvec3(1) << p.grid.shift);
+            vec3 wall = mix(vec3(low), vec3(high), greaterThan(direction, vec3(0.0))) * edge - 1.0;
             vec3 exits = (wall - origin) * inverse;
             float next = entry;
             if (there) next = floor(min(exits.x, min(exits.y, exits.z)) / dz - shift);
@@ -303,7 +304,7 @@ Gathered march(vec2 place, uint view, bool wanted) {
                 // After a leap, or where the ray enters.
                 bool begins = there && start.y < 0.0;
                 if (subgroupAny(begins)) {
-                    if (COUNTING == 1) work.y += 2;
+                    if (COUNTING == 1u) work.y += 2u;
                     vec2 found = field_at(origin + from * direction);
                     vec2 earlier = field_at(origin + max((k - 1.0 + shift) * dz, range.x) * direction);
                     if (begins) {
@@ -311,36 +312,36 @@ Gathered march(vec2 place, uint view, bool wanted) {
                         past = earlier.x;
                     }
                 }
-                if (COUNTING == 1) work.y += 1;
+                if (COUNTING == 1u) work.y += 1u;
                 end = field_at(origin + to * direction);
                 cut = cut && could_show(past, start, end);
             }
             uint rounds = subgroupAny(cut) ? p.parts : 0u;
             float part = (to - from) * share_of_part;
             vec2 before = start;
-            for (uint i = 0; i < rounds; ++i) {
+            for (uint i = 0u; i < rounds; ++i) {
                 bool wanted = open && cut;
                 float z = from + (float(i) + 0.5) * part;
-                if (SEGMENTS == 1) z = from + float(i + 1u) * part;
+                if (SEGMENTS == 1u) z = from + float(i + 1u) * part;
                 vec3 at = origin + z * direction;
                 vec2 here = end;
                 bool sampled = i + 1u < p.parts; // the last one is told by the end of the cell
-                if (SEGMENTS == 0) sampled = true;
+                if (SEGMENTS == 0u) sampled = true;
                 if (sampled) {
-                    if (COUNTING == 1) work.y += 1;
+                    if (COUNTING == 1u) work.y += 1u;
                     here = field_at(at);
                 }
                 // Opacity per mm, and of what is there: a function of an object has been asked for both together.
                 vec4 got = vec4(0.0);
                 float occupancy = here.y;
                 float from_v = here.x;
-                if (SEGMENTS == 1) {
+                if (SEGMENTS == 1u) {
                     from_v = before.x;
                     occupancy = 0.5 * (before.y + here.y);
                     before = here;
                 }
                 if (OBJECTS != OWN_FUNCTIONS) {
-                    if (SEGMENTS == 1) got = look_segment(0u, from_v, here.x);
+                    if (SEGMENTS == 1u) got = look_segment(0u, from_v, here.x);
                     else got = look_point(0u, here.x);
                 }
                 // Whether something is there, but for the gradient.
@@ -349,9 +350,9 @@ Gathered march(vec2 place, uint view, bool wanted) {
                 bool asks = wanted && there_is > 0.0;
                 vec3 slopes = vec3(0.0);
                 float magnitude = 0.0;
-                if (GRADED == 1) {
+                if (GRADED == 1u) {
                     if (subgroupAny(asks)) {
-                        if (COUNTING == 1) work.z += 1;
+                        if (COUNTING == 1u) work.z += 1u;
                         slopes = slopes_at(at);
                         magnitude = magnitude_of(slopes);
                         if (OBJECTS != OWN_FUNCTIONS) occupancy *= gradient_factor(0u, magnitude);
@@ -369,20 +370,20 @@ Gathered march(vec2 place, uint view, bool wanted) {
                 if (OBJECTS == TINTS) {
                     if (subgroupAny(share > 0.0)) base = tinted(base, tint_at(p.grid, at));
                 }
-                if (SHADED == 1) {
+                if (SHADED == 1u) {
                     bool anew = share > FAINT;
-                    if (KEPT == 0) {
+                    if (KEPT == 0u) {
                         bool even = p.parts > 1u ? (i & 1u) == 0u : mod(k, 2.0) == 0.0;
                         anew = share > STRONG || anew && even;
                     }
                     if (subgroupAny(anew)) {
-                        if (GRADED == 0) {
-                            if (COUNTING == 1) work.z += 1;
+                        if (GRADED == 0u) {
+                            if (COUNTING == 1u) work.z += 1u;
                             slopes = slopes_at(at);
                         }
                         vec3 found = turned(v, gradient_in_scene(slopes));
                         if (anew) gradient = found;
-                        if (OCCLUDED == 1) {
+                        if (OCCLUDED == 1u) {
                             // A long part is seen at its front. Its sample may lie behind the crest of a thin shell,
                             // where the field falls inwards: the outside of what hides all behind it is still the
                             // viewer's side.
@@ -406,7 +407,7 @@ Gathered march(vec2 place, uint view, bool wanted) {
             k += 1.0;
         }
     }
-    if (COUNTING == 1) return Gathered(vec4(work, 1.0), depth);
+    if (COUNTING == 1u) return Gathered(vec4(work, 1.0), depth);
     return Gathered(vec4(colour, 1.0 - clear), depth);
 }
 

@@ -17,21 +17,21 @@
 #include "bricks.glsl"
 #include "appearance.glsl"
 
-layout(constant_id = 0) const uint MASKED = 0;  // 1: the image holds an occupancy, too, as an atlas does; else all is there
-layout(constant_id = 1) const uint ATLAS = 0;   // 1: the image is an atlas
-layout(constant_id = 2) const uint OBJECTS = 0; // TINTS: objects have tints and opacities, or are hidden; OWN_FUNCTIONS:
+layout(constant_id = 0) const uint MASKED = 0u;  // 1: the image holds an occupancy, too, as an atlas does; else all is there
+layout(constant_id = 1) const uint ATLAS = 0u;   // 1: the image is an atlas
+layout(constant_id = 2) const uint OBJECTS = 0u; // TINTS: objects have tints and opacities, or are hidden; OWN_FUNCTIONS:
                                                 // or transfer functions of their own; of an atlas only
 layout(binding = MEDIUM_BINDING) uniform sampler3D medium;
 layout(scalar, binding = MEDIUM_BINDING + 1) readonly buffer Places { uint places[]; };
 layout(binding = MEDIUM_BINDING + 2) uniform sampler3D labels;
 layout(scalar, binding = MEDIUM_BINDING + 3) readonly buffer Appearances { Appearance appearances[]; };
 
-const uint TINTS = 1;
-const uint OWN_FUNCTIONS = 2;
+const uint TINTS = 1u;
+const uint OWN_FUNCTIONS = 2u;
 // Texels of a brick along each axis.
-const uint APRONED = 9;
+const uint APRONED = 9u;
 // Bits of a place of the atlas along each axis.
-const uint PLACE_BITS = 10;
+const uint PLACE_BITS = 10u;
 const uint PLACE_MASK = (1u << PLACE_BITS) - 1u;
 
 // A place of the grid as a place of the atlas, in texels from the centre of its first one.
@@ -47,7 +47,7 @@ vec3 atlas_place(BrickGrid g, vec3 at) {
 
 // A place of the grid in the image, as fractions of its edges.
 vec3 image_place(BrickGrid g, vec3 at) {
-    if (ATLAS == 0) return (at + 0.5) / vec3(g.texels);
+    if (ATLAS == 0u) return (at + 0.5) / vec3(g.texels);
     return (atlas_place(g, at) + 0.5) / vec3(textureSize(medium, 0));
 }
 
@@ -55,7 +55,7 @@ vec3 image_place(BrickGrid g, vec3 at) {
 // its face, and O is 0 from one voxel beyond.
 vec2 medium_at(BrickGrid g, vec3 at, vec3 place) {
     vec2 found = textureLod(medium, place, 0.0).xy;
-    if (MASKED == 0) {
+    if (MASKED == 0u) {
         vec3 inside = clamp(min(at + 1.0, vec3(g.texels) - at), 0.0, 1.0);
         found.y = inside.x * inside.y * inside.z;
     }
@@ -102,7 +102,7 @@ float shown_at(BrickGrid g, vec3 at, float o) {
     if (!alone) shown = 0.0;
     // A loop, since a CPU driver goes through both sides of an `if`.
     uint corners = alone ? 0u : 8u;
-    for (uint corner = 0; corner < corners; ++corner) {
+    for (uint corner = 0u; corner < corners; ++corner) {
         Voxel voxel = voxel_at(low, place - vec3(low), corner);
         shown += shown_of(voxel.object, voxel.o);
     }
@@ -118,7 +118,7 @@ vec4 tint_at(BrickGrid g, vec3 at) {
     float whole = 0.0;
     vec4 tint = vec4(0.0);
     uint corners = alone ? 0u : 8u;
-    for (uint corner = 0; corner < corners; ++corner) {
+    for (uint corner = 0u; corner < corners; ++corner) {
         Voxel voxel = voxel_at(low, place - vec3(low), corner);
         whole += voxel.o;
         tint += voxel.o * voxel.object.tint;
@@ -131,10 +131,22 @@ vec4 tint_at(BrickGrid g, vec3 at) {
 vec2 medium_near(BrickGrid g, vec3 at, out uint function) {
     function = 0u;
     vec2 found = medium_at(g, at, image_place(g, at));
-    if (OBJECTS == 0) return found;
+    if (OBJECTS == 0u) return found;
     Appearance object = object_called(labels_at(ivec3(atlas_place(g, at) + 0.5)).x);
     function = object.function;
     return vec2(found.x, shown_of(object, found.y));
+}
+
+// O (V - dark) of a voxel of the grid, V and `dark` as fractions, O as far as the opacity of its object leaves it.
+float excess_of(BrickGrid g, ivec3 voxel, float dark) {
+    ivec3 texel = voxel;
+    if (ATLAS == 1u) texel = ivec3(atlas_place(g, vec3(voxel)));
+    else texel = clamp(voxel, ivec3(0), ivec3(g.texels) - 1);
+    vec2 found = texelFetch(medium, texel, 0).xy;
+    float o = found.y;
+    if (MASKED == 0u) o = texel == voxel ? 1.0 : 0.0;
+    if (OBJECTS != 0u) o = shown_of(object_called(labels_at(texel).x), o);
+    return o * (found.x - dark);
 }
 
 #endif

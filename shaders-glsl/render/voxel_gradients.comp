@@ -22,18 +22,6 @@ const int SHARED = 11;
 
 shared float excess[SHARED * SHARED * SHARED];
 
-// O (V - dark) of a voxel.
-float voxel_excess(ivec3 voxel) {
-    ivec3 texel = voxel;
-    if (ATLAS == 1) texel = ivec3(atlas_place(p.grid, vec3(voxel)));
-    else texel = clamp(voxel, ivec3(0), ivec3(p.grid.texels) - 1);
-    vec2 found = texelFetch(medium, texel, 0).xy;
-    float o = found.y;
-    if (MASKED == 0) o = texel == voxel ? 1.0 : 0.0;
-    if (OBJECTS != 0) o = shown_of(object_called(labels_at(texel).x), o);
-    return o * (found.x - p.dark);
-}
-
 ivec3 cube_place(uint i, uint edge) {
     return ivec3(i % edge, i / edge % edge, i / (edge * edge));
 }
@@ -53,7 +41,7 @@ void main() {
     }
     uint wide = edge + 2;
     for (uint i = gl_LocalInvocationIndex; i < wide * wide * wide; i += gl_WorkGroupSize.x) {
-        excess[i] = voxel_excess(voxel - 1 + cube_place(i, wide));
+        excess[i] = excess_of(p.grid, voxel - 1 + cube_place(i, wide), p.dark);
     }
     barrier();
     for (uint i = gl_LocalInvocationIndex; i < edge * edge * edge; i += gl_WorkGroupSize.x) {

@@ -597,6 +597,20 @@ impl Decoded {
         Ok((volume, roi))
     }
 
+    /// Returns the least and the greatest V that there can be: the range of the fractions.
+    pub fn range(&self) -> [f64; 2] {
+        [self.scale.first, self.scale.first + self.scale.span]
+    }
+
+    /// Returns the number of the object that each voxel of the box belongs to, x fastest; `None` if all belong to one.
+    pub fn objects(&self) -> Option<Vec<u8>> {
+        let labels = self.labels.as_ref()?;
+        let [nx, ny, nz] = self.size.map(|n| n as usize);
+        let at = |i: usize| UVec3::new((i % nx) as u32, (i / nx % ny) as u32, (i / (nx * ny)) as u32);
+        let number = |i: usize| self.sample(at(i).as_ivec3()).map_or(0, |sample| labels[sample]);
+        Some((0..nx * ny * nz).into_par_iter().map(number).collect())
+    }
+
     /// Returns the number of bricks with samples. The atlas has those that hold anything, and their
     /// neighbours before them.
     pub fn brick_count(&self) -> usize {

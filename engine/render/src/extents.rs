@@ -3,12 +3,14 @@
 use glam::{DVec3, UVec3, Vec3};
 use rayon::prelude::*;
 
-use splat::{Activations, Splat};
+use splat::{Activations, Splat, SplatSet, far_splats};
 
 /// Greatest number of cells of the grid that finds intervals.
 const MOST_CELLS: f64 = 4e6;
 /// One in so many splats, at either end of an axis, may lie far from all others.
 const FAR_SHARE: usize = 200;
+/// q at half a standard deviation.
+const CORE_Q: f64 = 0.25;
 
 /// Returns the standard deviation of the middle splat along its shortest axis; 1 without splats.
 pub(super) fn middle_sigma(splats: &[Splat]) -> f64 {
@@ -24,6 +26,35 @@ pub(super) fn middle_sigma(splats: &[Splat]) -> f64 {
 /// Returns the half size of the box around each splat's support, in the unit of the splats.
 pub(super) fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
     splats.par_iter().map(|splat| splat.reach(support_q).as_vec3()).collect()
+}
+
+/// Returns the corners of the box around the splats of a set without their tails and without those that lie far from all
+/// others, mm RAS: what a picture of all of them frames ([`Scene::bounds`](super::Scene::bounds)).
+pub fn bounds(set: &SplatSet) -> [DVec3; 2] {
+    cores(&set.splats, &far_splats(&set.splats)).map(|corner| corner + set.origin_mm)
+}
+
+/// Returns the corners of the box around the cores of all splats but the rows `far`.
+pub(super) fn cores(splats: &[Splat], far: &[usize]) -> [DVec3; 2] {
+    if far.is_empty() {
+        return box_around(splats, &reaches(splats, CORE_Q));
+    }
+    let near: Vec<Splat> =
+        (0..splats.len()).filter(|i| far.binary_search(i).is_err()).map(|i| splats[i]).collect();
+    box_around(&near, &reaches(&near, CORE_Q))
+}
+
+/// Returns the corners of the box around all splats, each of which has this half size around its mean.
+pub(super) fn box_around(splats: &[Splat], reach: &[Vec3]) -> [DVec3; 2] {
+    if splats.is_empty() {
+        return [DVec3::splat(-1.0), DVec3::ONE];
+    }
+    let mut corners = [DVec3::INFINITY, DVec3::NEG_INFINITY];
+    for (splat, &reach) in splats.iter().zip(reach) {
+        let mean = Vec3::from_array(splat.mean);
+        corners = [corners[0].min((mean - reach).as_dvec3()), corners[1].max((mean + reach).as_dvec3())];
+    }
+    corners
 }
 
 /// Returns the bounds of the field within the support of each splat: least and greatest intensity of all

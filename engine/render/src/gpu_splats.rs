@@ -7,11 +7,11 @@
 
 use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 
-use glam::{DAffine3, DVec3, Vec3};
+use glam::{DAffine3, DVec3};
 use shaders_glsl::types::Centre;
 
 use super::decoded;
-use super::extents::{intervals, middle_sigma, reaches};
+use super::extents::{box_around, cores, intervals, middle_sigma, reaches};
 use super::gpu_volume::GpuVolume;
 use super::look::LookBuffers;
 use super::splat_points::splat_points;
@@ -21,9 +21,7 @@ use passes::activity::ActivitySources;
 use passes::deconvolution::DevicePoints;
 use passes::{Activity, Ranking, SplatRows};
 use splat::harmonics::basis_count;
-use splat::{
-    Exception, Field, Form, Grid, Harmonics, Object, Packed, Splat, SplatSet, by_importance, far_splats,
-};
+use splat::{Exception, Field, Form, Grid, Harmonics, Object, Packed, SplatSet, by_importance, far_splats};
 
 /// Precision of the splats on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -34,9 +32,6 @@ pub enum Precision {
     /// Splats of 16 bytes each; see [`Packed`].
     Packed,
 }
-
-/// q at half a standard deviation.
-const CORE_Q: f64 = 0.25;
 
 /// Properties of standard splats, those of ordinary 3D Gaussian splatting: they have colours instead of an
 /// intensity.
@@ -376,29 +371,6 @@ impl GpuSplats {
     pub fn active_count(&self) -> Result<usize> {
         Ok(self.activity.count.read()?[0] as usize)
     }
-}
-
-/// Returns the corners of the box around the cores of all splats but the rows `far`.
-fn cores(splats: &[Splat], far: &[usize]) -> [DVec3; 2] {
-    if far.is_empty() {
-        return box_around(splats, &reaches(splats, CORE_Q));
-    }
-    let near: Vec<Splat> =
-        (0..splats.len()).filter(|i| far.binary_search(i).is_err()).map(|i| splats[i]).collect();
-    box_around(&near, &reaches(&near, CORE_Q))
-}
-
-/// Returns the corners of the box around all splats, each of which has this half size around its mean.
-fn box_around(splats: &[Splat], reach: &[Vec3]) -> [DVec3; 2] {
-    if splats.is_empty() {
-        return [DVec3::splat(-1.0), DVec3::ONE];
-    }
-    let mut corners = [DVec3::INFINITY, DVec3::NEG_INFINITY];
-    for (splat, &reach) in splats.iter().zip(reach) {
-        let mean = Vec3::from_array(splat.mean);
-        corners = [corners[0].min((mean - reach).as_dvec3()), corners[1].max((mean + reach).as_dvec3())];
-    }
-    corners
 }
 
 /// Returns coefficients as halves, two in a word.

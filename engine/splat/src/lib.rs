@@ -46,7 +46,7 @@ pub mod space;
 mod spz;
 mod structures;
 mod unplaced;
-mod vgs;
+pub mod vgs;
 
 pub use activation::Activations;
 pub use defect::defect;

@@ -16,7 +16,7 @@ const LONG: usize = 700;
 /// Android.
 const UNSAFE: [&str; 3] = ["engine/gpu/src/", "xr-app/src/headset/openxr.rs", "xr-app/src/android.rs"];
 /// The members of the workspace: the folder of each, and what others call it in their dependencies.
-const MEMBERS: [(&str, &str); 21] = [
+const MEMBERS: [(&str, &str); 22] = [
     ("engine", "engine"),
     ("engine/base", "base"),
     ("engine/fit", "fit"),
@@ -33,6 +33,7 @@ const MEMBERS: [(&str, &str); 21] = [
     ("tools/view", "view"),
     ("xr-app", "xr-app"),
     ("tools/cli", "vgs"),
+    ("tools/page", "page"),
     ("tools/python", "vgs-python"),
     ("tools/research/bench", "bench"),
     ("tools/research/studies", "vgs-studies"),

@@ -1,7 +1,7 @@
 //! What the file says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the file.
-pub const GROUPS: [(&str, &str); 30] = [
+pub const GROUPS: [(&str, &str); 31] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -25,6 +25,7 @@ pub const GROUPS: [(&str, &str); 30] = [
     ("TF", "transfer functions"),
     ("IMG", "pictures"),
     ("VIEW", "the viewer"),
+    ("PAGE", "pages"),
     ("XR", "the headset"),
     ("GPU", "the device"),
     ("MEM", "memory of the host"),

@@ -12,10 +12,11 @@ use super::tokens::Token::{self, Sign, Text, Word};
 use super::tokens::{arguments, around, closing, statement_end, tokens, without_tests};
 
 /// The folders whose sources are read.
-const FOLDERS: [&str; 7] = [
+const FOLDERS: [&str; 8] = [
     "engine",
     "tools/view/src",
     "tools/cli/src",
+    "tools/page/src",
     "tools/python/src",
     "xr-app/src",
     "tools/research/bench/src",

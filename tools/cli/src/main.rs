@@ -44,7 +44,7 @@ signal with what was reached written.
 Volumes: folders and zips of DICOM slices, NIfTI (.nii, .nii.gz, .hdr and
 .img), NRRD (.nrrd, .nhdr), MetaImage (.mha, .mhd), NumPy arrays (.npy) and
 InVesalius projects (.inv3). Masks also: DICOM segmentations and RT structures.
-Splats: PLY and .vgs. Pictures: PNG and EXR. For looking, not for diagnosis.";
+Splats: PLY and .vgs. Pictures: PNG and EXR. Pages: HTML. For looking, not for diagnosis.";
 
 #[derive(Subcommand)]
 enum Command {
@@ -60,7 +60,8 @@ enum Command {
     Stats(commands::stats::StatsArguments),
     Info(commands::info::InfoArguments),
     #[cfg(feature = "window")]
-    Convert(commands::convert::ConvertArguments),
+    Convert(Box<commands::convert::ConvertArguments>),
+    Page(commands::page::PageArguments),
     /// Lists the Vulkan devices of this machine
     Devices,
     Explain(commands::explain::ExplainArguments),
@@ -93,6 +94,7 @@ fn main() -> ExitCode {
             Command::Info(arguments) => commands::info::run(&arguments, &console),
             #[cfg(feature = "window")]
             Command::Convert(arguments) => commands::convert::run(&arguments, &console),
+            Command::Page(arguments) => commands::page::run(&arguments, &console),
             Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
             Command::Explain(arguments) => commands::explain::run(&arguments, &console),
             Command::Devices => commands::devices::run(&console),

@@ -3,13 +3,14 @@
 use crate::support::Folder;
 
 /// The commands that users type.
-const COMMANDS: [&str; 15] = [
+const COMMANDS: [&str; 16] = [
     "fit",
     "eval",
     "rasterize",
     "render",
     "view",
     "pack",
+    "page",
     "compare",
     "stats",
     "info",

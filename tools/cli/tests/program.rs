@@ -13,6 +13,7 @@ mod host_memory;
 mod interruptions;
 mod manual;
 mod pack;
+mod page;
 mod reference;
 mod refusals;
 mod render;

@@ -103,16 +103,20 @@ pub fn sniff(start: &[u8]) -> bool {
 /// [`Kind::NothingToDo`] without splats, [`Kind::Usage`] for a set with colours, which this format does not
 /// hold.
 pub fn write(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
-    let bytes = encoded(set).map_err(|error| error.file(path))?;
+    let bytes = encode(set).map_err(|error| error.file(path))?;
     base::output::write_atomic(path, options.force, |out| out.write_all(&bytes))
 }
 
 /// Returns the size in bytes of the file that [`write()`] makes of `set`.
 pub fn bytes(set: &SplatSet, _options: &WriteOptions) -> Result<u64> {
-    Ok(encoded(set)?.len() as u64)
+    Ok(encode(set)?.len() as u64)
 }
 
-fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
+/// Returns the file that [`write()`] makes of `set`.
+///
+/// # Errors
+/// Those of [`write()`] that do not come from the disk.
+pub fn encode(set: &SplatSet) -> Result<Vec<u8>> {
     if set.colours.is_some() {
         let message = "splats with colours, and a .vgs file holds splats with intensities";
         return Err(Error::new(Kind::Usage, "VGS-FILE-001", message).help("write a .ply"));
@@ -194,6 +198,14 @@ fn encoded(set: &SplatSet) -> Result<Vec<u8>> {
 pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
     let Loaded { set, .. } = load(path, options)?;
     Ok(Unplaced { path: path.to_owned(), set, rows: None })
+}
+
+/// Reads a set from the bytes of a file. Returns it with the number of its splats that were too thin and are widened.
+///
+/// # Errors
+/// [`Kind::BadData`] for bytes that are damaged or not those of such a file.
+pub fn decode(bytes: &[u8], options: &ReadOptions) -> Result<(SplatSet, usize)> {
+    decoded(bytes, options).map(|loaded| (loaded.set, loaded.widened))
 }
 
 /// Reads a set and describes what the file holds.
@@ -319,6 +331,9 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
             Vec::new()
         }
     };
+    if options.strict && !rest.is_empty() {
+        return Err(damaged(format!("{} bytes follow its end", rest.len())));
+    }
     let read = found.len();
     found.retain(|(splat, _)| defect(splat).is_none());
     let dropped = read - found.len();
@@ -416,7 +431,7 @@ mod tests {
     fn a_set_comes_back_with_all_that_it_states() {
         for count in [1, 40, 6000] {
             let set = set(count);
-            let bytes = encoded(&set).expect("a set");
+            let bytes = encode(&set).expect("a set");
             let read = decoded(&bytes, &ReadOptions { strict: true, ..ReadOptions::default() })
                 .expect("the file")
                 .set;
@@ -429,7 +444,7 @@ mod tests {
             };
             assert_eq!(blank(&read), blank(&set));
             assert_eq!(read.label_counts(), set.label_counts());
-            assert_eq!(encoded(&read).expect("a set"), bytes, "the same when it is written again");
+            assert_eq!(encode(&read).expect("a set"), bytes, "the same when it is written again");
             let mean = |set: &SplatSet| {
                 let sum: glam::DVec3 = set
                     .splats
@@ -448,7 +463,7 @@ mod tests {
 
     #[test]
     fn the_first_layers_are_a_coarser_scene_and_damage_is_found() {
-        let bytes = encoded(&set(6000)).expect("a set");
+        let bytes = encode(&set(6000)).expect("a set");
         let lenient = ReadOptions::default();
         let strict = ReadOptions { strict: true, ..lenient };
         let half = &bytes[..bytes.len() / 2];
@@ -456,6 +471,8 @@ mod tests {
         assert_eq!((coarse.splats.len(), coarse.exceptions.len()), (2250, 0));
         assert_eq!(decoded(half, &strict).err().expect("short").code, "VGS-FILE-003");
         assert!(decoded(&bytes[..900], &lenient).is_err(), "no layer is whole");
+        let longer = [&bytes[..], b"more"].concat();
+        assert!(decoded(&longer, &lenient).is_ok() && decoded(&longer, &strict).is_err(), "what follows");
         for at in 0..bytes.len().min(4000) {
             let mut changed = bytes.clone();
             changed[at] ^= 1 << (at % 8);
@@ -468,12 +485,12 @@ mod tests {
     fn what_the_format_does_not_hold_is_refused() {
         let colours = crate::Harmonics { degree: 0, coefficients: vec![0.0; 9] };
         let coloured = SplatSet { colours: Some(colours), unit: Unit::Luminance, ..set(3) };
-        assert_eq!(encoded(&coloured).expect_err("colours").code, "VGS-FILE-001");
-        let mut newer = encoded(&set(3)).expect("a set");
+        assert_eq!(encode(&coloured).expect_err("colours").code, "VGS-FILE-001");
+        let mut newer = encode(&set(3)).expect("a set");
         newer[8] = 2;
         assert_eq!(decoded(&newer, &ReadOptions::default()).err().expect("newer").code, "VGS-FILE-004");
         let few = ReadOptions { max_splats: 2, ..ReadOptions::default() };
-        let bytes = encoded(&set(3)).expect("a set");
+        let bytes = encode(&set(3)).expect("a set");
         assert_eq!(decoded(&bytes, &few).err().expect("too many").code, "VGS-FILE-005");
     }
 }

@@ -31,6 +31,6 @@ mod morton;
 mod rounding;
 mod rounds;
 
-pub use file::{bytes, describe, read, sniff, write};
+pub use file::{MARK, bytes, decode, describe, encode, read, sniff, write};
 pub use rounding::Rounding;
 pub use rounds::Group;

@@ -12,6 +12,7 @@ pub mod info;
 pub mod man;
 #[cfg(feature = "window")]
 pub mod pack;
+pub mod page;
 pub mod phantom;
 pub mod rasterize;
 pub mod render;

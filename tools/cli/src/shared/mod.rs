@@ -2,7 +2,7 @@
 //!
 //! | file | subject |
 //! |---|---|
-//! | `flags` | flags that several commands have, and how their texts are parsed |
+//! | `flags` | flags that several commands have, and how their texts are parsed; `viewing`: where a scene is seen from |
 //! | `inputs` | the volume and the region of interest, and the records of their files; `padding`: voxels without a value; `texts`: small files of text |
 //! | `splat_files` | reading and writing splats, whatever their layout |
 //! | `outputs` | checks before anything is written; `lock`: one run per output |
@@ -32,4 +32,5 @@ pub mod splat_files;
 pub mod terminal;
 pub mod texts;
 pub mod version;
+pub mod viewing;
 pub mod waiting;

@@ -237,6 +237,7 @@ fn what_is_deleted_is_gone_and_comes_back() {
     let left = half.count(PICTURE, bright);
     assert!((seen / 5..seen * 4 / 5).contains(&left), "{left} of {seen} pixels are left");
     viewer.write(&folder, "ctrl+e", "half.ply");
+    viewer.write(&folder, "ctrl+shift+e", "half.html");
     assert_eq!(viewer.quit().code, 0, "the session has not changed");
     let corners = low.iter().chain(&high).map(f64::to_string).collect::<Vec<_>>().join(",");
     let converted = folder.run(&["convert", "s.ply", "-o", "same.ply", &format!("--box={corners}")]);
@@ -245,6 +246,12 @@ fn what_is_deleted_is_gone_and_comes_back() {
         |name: &str| folder.run(&["info", name, "--json"]).json()["splats"].as_u64().expect("a number");
     assert_eq!(count("half.ply"), count("same.ply"));
     assert!((1..count("s.ply")).contains(&count("half.ply")));
+    // The page is that of the session, however it is made.
+    assert_eq!(folder.run(&["convert", "half.toml", "-o", "same.html"]).code, 0);
+    let page = |name: &str| page::Page::read(&folder.path(name)).expect("a page").0;
+    let (shared, same) = (page("half.html"), page("same.html"));
+    assert!(shared.data == same.data && shared.scene.parts == same.scene.parts);
+    assert!(shared.scene.camera != same.scene.camera, "it was turned since");
 }
 
 #[test]

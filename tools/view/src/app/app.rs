@@ -341,6 +341,12 @@ impl App {
                     self.ask(Purpose::SaveObject(object));
                 }
             }
+            Action::Share { .. } => return self.has_splats_to_write(info).then_some(action),
+            Action::AskShare => {
+                if self.has_splats_to_write(info) {
+                    self.ask(Purpose::Share);
+                }
+            }
             Action::Screenshot { .. }
             | Action::Record { .. }
             | Action::Beside(_)

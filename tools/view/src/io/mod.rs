@@ -7,6 +7,7 @@
 //! | `open_files` | where what is open is from |
 //! | `fitting` | fits splats |
 //! | `saving`, `pack` | how splats are written; a session with its files |
+//! | `sharing` | what is shown as a page |
 //! | `portal` | the dialog of the desktop, over D-Bus |
 //! | `report` | what was measured |
 
@@ -20,4 +21,6 @@ pub mod pack;
 pub mod portal;
 pub mod report;
 pub mod saving;
+#[cfg(feature = "window")]
+pub mod sharing;
 pub mod sorting;

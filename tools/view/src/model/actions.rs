@@ -70,6 +70,17 @@ pub enum Action {
         /// True if an existing file is replaced.
         force: bool,
     },
+    /// Asks for title and file of a page of what is shown.
+    AskShare,
+    /// Writes what is shown as a page; carried out by the window.
+    Share {
+        /// Path, which ends in `.html`.
+        path: PathBuf,
+        /// Title of the page; empty for one that its objects name.
+        title: String,
+        /// True if an existing file is replaced.
+        force: bool,
+    },
     /// Asks for size and name of a picture.
     AskScreenshot,
     /// Renders and writes a picture; carried out by the window.
@@ -249,6 +260,13 @@ pub static KEYS: &[Binding] = &[
         Action::AskPack,
     ),
     row(COMMAND, Key::S, "Save session…", "write all that is set here to a file", Action::AskSave),
+    row(
+        COMMAND_SHIFT,
+        Key::E,
+        "Share as a page…",
+        "write what is shown as a page, which any browser opens",
+        Action::AskShare,
+    ),
     row(COMMAND, Key::E, "Save splats…", "write the splats that are shown to a file", Action::AskSaveSplats),
     row(COMMAND, Key::P, "Screenshot…", "write a picture of any size", Action::AskScreenshot),
     row(COMMAND, Key::R, "Record turntable…", "write a full turn as an animation", Action::AskRecord),

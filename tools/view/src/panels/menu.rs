@@ -54,6 +54,7 @@ pub fn show(ui: &mut Ui, menus: &Menus<'_>, actions: &mut Vec<Action>) {
             item(ui, true, Action::AskSave, actions);
             item(ui, menus.has_data, Action::AskPack, actions);
             item(ui, menus.has_splats, Action::AskSaveSplats, actions);
+            item(ui, menus.has_splats, Action::AskShare, actions);
             for action in [Action::AskScreenshot, Action::AskRecord] {
                 item(ui, true, action, actions);
             }

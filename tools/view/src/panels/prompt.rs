@@ -50,6 +50,8 @@ pub enum Purpose {
     SaveSplats,
     /// The splats of one object are written to it.
     SaveObject(Target),
+    /// What is shown is written to it as a page.
+    Share,
 }
 
 impl Purpose {
@@ -86,6 +88,7 @@ impl Purpose {
                 "Save",
                 &SPLATS,
             ),
+            Purpose::Share => ("Share as a page", "Write", &[".html"]),
         }
     }
 
@@ -109,6 +112,7 @@ impl Purpose {
             Purpose::Screenshot | Purpose::Record => ".png",
             Purpose::SaveTransfer => ".vp.json",
             Purpose::Keep | Purpose::SaveSplats | Purpose::SaveObject(_) => ".ply",
+            Purpose::Share => ".html",
         }
     }
 
@@ -141,6 +145,8 @@ pub struct Prompt {
     path: String,
     options: PictureOptions,
     frames: u32,
+    /// Title of a page.
+    title: String,
     list: FileList,
     /// True if there may be DICOM files among those that are open.
     has_dicom: bool,
@@ -195,6 +201,7 @@ impl Prompt {
             path,
             options: PictureOptions::new(size),
             frames: 120,
+            title: String::new(),
             list: FileList::new(recent),
             fresh: true,
         }
@@ -221,6 +228,9 @@ impl Prompt {
         let double = self.list.show(ui, &mut self.path, endings, self.purpose.writes());
         if matches!(self.purpose, Purpose::Screenshot | Purpose::Record) {
             self.picture(ui);
+        }
+        if self.purpose == Purpose::Share {
+            self.share(ui);
         }
         if self.purpose == Purpose::Pack && self.has_dicom {
             ui.colored_label(
@@ -262,6 +272,17 @@ impl Prompt {
         answer
     }
 
+    /// Shows what a page tells, and changes its title.
+    fn share(&mut self, ui: &mut Ui) {
+        row(ui, "Title", "at the top of the page; names of files are not in it", |ui| {
+            ui.add(TextEdit::singleline(&mut self.title).hint_text("that of its objects"))
+        });
+        ui.label(
+            "Whoever has the page has the splats in it, also of objects that are hidden and of what planes cut away. What \
+             is deleted is not in it.",
+        );
+    }
+
     /// Shows how a picture is written, and changes it.
     fn picture(&mut self, ui: &mut Ui) {
         let options = &mut self.options;
@@ -300,7 +321,7 @@ impl Prompt {
     /// Returns what the dialog of the desktop is asked; `None` if there is more to ask than a path.
     pub fn question(&self) -> Option<Question> {
         let wanted = match self.purpose {
-            Purpose::Screenshot | Purpose::Record | Purpose::Pack => return None,
+            Purpose::Screenshot | Purpose::Record | Purpose::Pack | Purpose::Share => return None,
             Purpose::Open => Wanted::Files,
             Purpose::OpenFolder => Wanted::Folder,
             purpose if purpose.writes() => {
@@ -351,6 +372,7 @@ impl Prompt {
             Purpose::Keep => Action::Keep { path, force },
             Purpose::SaveSplats => Action::SaveSplats { path, object: None, force },
             Purpose::SaveObject(object) => Action::SaveSplats { path, object: Some(object), force },
+            Purpose::Share => Action::Share { path, title: self.title.clone(), force },
         }
     }
 }
@@ -383,6 +405,7 @@ mod tests {
                 Purpose::SaveObject(liver),
                 Action::SaveSplats { path: path.clone(), object: Some(liver), force: true },
             ),
+            (Purpose::Share, Action::Share { path: path.clone(), title: String::new(), force: true }),
         ] {
             assert_eq!(prompt(purpose).action(vec![path.clone()], true), expected);
         }
@@ -396,7 +419,7 @@ mod tests {
         assert_eq!(wanted(Purpose::Open), Some(Wanted::Files));
         assert_eq!(wanted(Purpose::OpenFolder), Some(Wanted::Folder));
         assert_eq!(wanted(Purpose::Mask), Some(Wanted::File));
-        for purpose in [Purpose::Screenshot, Purpose::Record, Purpose::Pack] {
+        for purpose in [Purpose::Screenshot, Purpose::Record, Purpose::Pack, Purpose::Share] {
             assert_eq!(wanted(purpose), None, "{purpose:?} has options");
         }
         let expected = Question {
@@ -450,6 +473,7 @@ mod tests {
             (Purpose::Record, &bones, "bones-turn.png"),
             (Purpose::SaveTransfer, &bones, "bones.vp.json"),
             (Purpose::SaveSplats, &bones, "bones-2.ply"),
+            (Purpose::Share, &bones, "bones.html"),
             (Purpose::Keep, &ct, "ct.ply"),
             (Purpose::Screenshot, &ct, "ct-1.png"),
         ] {

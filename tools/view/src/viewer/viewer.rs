@@ -561,6 +561,7 @@ impl Viewer {
                 });
             }
             Action::SaveSplats { path, object, force } => self.save_splats(canvas, path, object, force),
+            Action::Share { path, title, force } => self.share(canvas, path, title, force),
             Action::Pack { path, force } => self.pack(path, force),
             Action::BeginSession => {
                 if let Some((state, session)) = self.app.take_found() {

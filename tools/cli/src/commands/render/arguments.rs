@@ -9,9 +9,10 @@ use engine::volume::BetweenSlices;
 use engine::{Error, Kind, Result};
 
 use super::light::LightArguments;
-use super::values::{self, Background, GradientOpacity, PictureSize, View};
+use super::values::{self, GradientOpacity, PictureSize};
 use crate::shared::flags::{Clip, DeviceArguments, between_slices, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
+use crate::shared::viewing::{Background, View, degrees, zoom};
 
 /// Renders splats or a volume through a transfer function
 #[derive(Args, Clone, Debug)]
@@ -77,10 +78,10 @@ pub struct RenderArguments {
     pub camera: View,
     /// Field of view from the upper to the lower edge, degrees, for a camera that is a side
     #[arg(long, value_name = "DEGREES", default_value_t = FOV_DEGREES, help_heading = "Picture",
-          value_parser = values::degrees)]
+          value_parser = degrees)]
     pub fov: f64,
     /// How near a camera that is a side comes: 1 shows all, 2 half of it
-    #[arg(long, value_name = "TIMES", default_value_t = 1.0, help_heading = "Picture", value_parser = values::zoom)]
+    #[arg(long, value_name = "TIMES", default_value_t = 1.0, help_heading = "Picture", value_parser = zoom)]
     pub zoom: f64,
     /// Pixels, or the size in print: 85x60mm, 3.3x2.4in
     #[arg(long, value_name = "WIDTHxHEIGHT", default_value = "1024x1024", help_heading = "Picture")]

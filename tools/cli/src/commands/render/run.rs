@@ -19,10 +19,11 @@ use serde::Serialize;
 
 use super::arguments::{RenderArguments, VolumeRegion};
 use super::frames;
-use super::values::{GradientOpacity, View};
+use super::values::GradientOpacity;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::inputs::{is_volume, region_of, volume_of};
+use crate::shared::viewing::View;
 use crate::shared::waiting::Waiting;
 use crate::shared::{outputs, splat_files};
 

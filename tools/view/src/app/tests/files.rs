@@ -35,6 +35,27 @@ fn a_file_is_asked_for_and_written_once() {
 }
 
 #[test]
+fn a_page_is_asked_for_with_its_title() {
+    let folder = tempfile::tempdir().expect("a folder");
+    let mut bench = Bench::new();
+    bench.app.state.files.splats = vec![folder.path().join("a.ply")];
+    bench.press(Key::E, Modifiers::COMMAND | Modifiers::SHIFT);
+    bench.find("Share as a page");
+    let title = bench.find("that of its objects");
+    bench.click(title);
+    bench.frame(vec![Event::Text("Hip, before".into())], Modifiers::NONE);
+    let write = bench.find("Write");
+    let share =
+        Action::Share { path: folder.path().join("a.html"), title: "Hip, before".into(), force: false };
+    assert_eq!(bench.click(write), [share]);
+    bench.app.act(Action::AskShare, &PanelInfo::default());
+    assert!(
+        bench.app.prompt.is_none() && bench.app.messages.latest().is_some_and(|m| m.bad),
+        "without splats"
+    );
+}
+
+#[test]
 fn missing_files_of_a_session_are_found_or_left_out() {
     let folder = tempfile::tempdir().expect("a folder");
     let at = |name: &str| folder.path().join(name);

@@ -1,0 +1,473 @@
+// From the bytes of a page to the atlas that it shows.
+import assert from 'node:assert/strict';
+import { describe, it } from 'node:test';
+import { makeAtlas } from '../field/atlas.ts';
+import { Decoder, Places, Tree } from '../field/coder.ts';
+import { decodeSplats } from '../field/decode.ts';
+import type { Numbered } from '../field/decode.ts';
+import type { Field } from '../field/field.ts';
+import { Refusal } from '../field/refusal.ts';
+import { readVgs } from '../field/vgs.ts';
+import type { Kernel, SplatSet } from '../field/vgs.ts';
+import { readVoxels } from '../field/voxels.ts';
+import { decode } from '../field/worker.ts';
+import type { Atlas, Part, Vec3 } from '../types.ts';
+import { Encoder, bytesOf, rasterized, summed, texel, voxel, withHeader } from './field.ts';
+
+const still = (): void => {};
+const read = (name: string): SplatSet => readVgs(bytesOf(`${name}.vgs`));
+const decoded = (...sets: SplatSet[]): Field =>
+    decodeSplats(sets.map((set) => ({ set, numbers: [] })), still);
+const part = (data: Uint8Array, kind: Part['kind'] = 'vgs', numbers: [number, number][] = []) =>
+    ({ kind, bytes: data.length, numbers, data });
+
+/** Calls `each` with every voxel of a box, x fastest. */
+function everyVoxel([nx, ny, nz]: Vec3, each: (x: number, y: number, z: number) => void): void {
+    for (let z = 0; z < nz; z++) for (let y = 0; y < ny; y++) for (let x = 0; x < nx; x++) each(x, y, z);
+}
+
+/** The voxel of the box of a field at a voxel of its grid. */
+function ofGrid(field: Field, x: number, y: number, z: number): ReturnType<typeof voxel> {
+    const [low] = field.faces;
+    return voxel(field, x + low[0], y + low[1], z + low[2]);
+}
+
+/** A generator of numbers from 0 to 1 (mulberry32). */
+function random(seed: number): () => number {
+    return () => {
+        seed = (seed + 0x6d2b79f5) | 0;
+        let t = Math.imul(seed ^ (seed >>> 15), 1 | seed);
+        t = (t + Math.imul(t ^ (t >>> 7), 61 | t)) ^ t;
+        return ((t ^ (t >>> 14)) >>> 0) / 2 ** 32;
+    };
+}
+
+describe('the coder', () => {
+    it('reads what was written', () => {
+        const next = random(3), encoder = new Encoder(), written: [number, number][] = [];
+        const [trees, models] = [0, 1].map(() => [new Tree(1000), new Tree(0), new Tree(65535)]);
+        for (let i = 0; i < 3000; i++) {
+            const k = Math.floor(next() * 4), count = 1 + Math.floor(next() ** 4 * 65535);
+            const number = k < 3 ? Math.floor(next() ** 3 * [1001, 1, 65536][k]) : Math.floor(next() * count);
+            if (k < 3) encoder.number(trees[k], number);
+            else encoder.even(number, count);
+            written.push([k < 3 ? k : 3 + count, number]);
+        }
+        const bytes = encoder.finish(), decoder = new Decoder(bytes);
+        for (const [k, number] of written) {
+            assert.equal(k < 3 ? decoder.number(models[k]) : decoder.even(k - 3), number);
+        }
+        assert.equal(decoder.isBeyond, false);
+        for (let i = 0; i < 50; i++) assert.ok(decoder.even(60000) < 60000);
+        assert.equal(decoder.isBeyond, true);
+    });
+
+    it('finds places with indices of 21 bits', () => {
+        const code = (place: number[]): bigint => {
+            let made = 0n;
+            for (let bit = 20; bit >= 0; bit--) {
+                for (const index of place) made = (made << 1n) | BigInt((index >> bit) & 1);
+            }
+            return made;
+        };
+        const wanted = [
+            [0, 0, 0], [0, 0, 1], [5, 1, 2], [5, 1, 2], [1023, 77, 1024], [40000, 3, 65535],
+            [2 ** 20, 9, 2 ** 21 - 1], [2 ** 21 - 1, 2 ** 21 - 1, 2 ** 21 - 1],
+        ];
+        const encoder = new Encoder(), bits = new Tree(63);
+        const below = Array.from({ length: 64 }, () => new Tree(3));
+        let last = 0n;
+        for (const place of [...wanted].sort((a, b) => (code(a) < code(b) ? -1 : 1))) {
+            const gap = code(place) - last, count = gap === 0n ? 0 : gap.toString(2).length;
+            last = code(place);
+            encoder.number(bits, count);
+            let rest = Math.max(count - 1, 0);
+            if (rest > 2) encoder.number(below[count], Number((gap >> BigInt((rest -= 2))) & 3n));
+            while (rest > 0) {
+                const piece = Math.min(rest, 16);
+                rest -= piece;
+                encoder.even(Number((gap >> BigInt(rest)) & BigInt(2 ** piece - 1)), 2 ** piece);
+            }
+        }
+        encoder.number(bits, 1);
+        const input = new Decoder(encoder.finish()), places = new Places();
+        const found = wanted.map(() => {
+            assert.ok(places.read(input) >= 0);
+            return [0, 1, 2].map((axis) => places.index(axis));
+        });
+        assert.deepEqual(found, [...wanted].sort((a, b) => (code(a) < code(b) ? -1 : 1)));
+        assert.equal(places.read(input), -1, 'behind the last place there is none');
+    });
+});
+
+describe('splats on a grid', () => {
+    for (const name of ['binary', 'labels', 'soft']) {
+        it(`have the V and O of vgs rasterize: ${name}`, () => {
+            const field = decoded(read(name)), { size, runs, every, values, occupancies } = rasterized(name);
+            const inside = new Uint8Array(size[0] * size[1] * size[2]);
+            let at = 0, index = 0, k = 0, compared = 0;
+            runs.forEach((count, i) => inside.fill(i % 2, at, (at += count)));
+            everyVoxel(size, (x, y, z) => {
+                const { v, o } = ofGrid(field, x, y, z), i = index++;
+                assert.equal(o > 1e-5, inside[i] === 1, `O at ${x} ${y} ${z}`);
+                if (!inside[i] || k++ % every > 0) return;
+                assert.ok(Math.abs(v - values[compared]) < 0.03, `V is ${v}, not ${values[compared]}`);
+                assert.ok(Math.abs(o - (occupancies?.[compared] ?? 1)) < 4e-5);
+                compared++;
+            });
+            assert.equal(compared, values.length);
+        });
+    }
+
+    for (const kernel of ['compact', 'gaussian', 'density', 'gated'] as Kernel[]) {
+        it(`sum up as the formulas say: ${kernel}`, () => {
+            const set: SplatSet = { ...read('soft'), kernel }, field = decoded(set);
+            let reached = 0;
+            everyVoxel(set.grid!.size, (x, y, z) => {
+                const found = ofGrid(field, x, y, z), { weight, v, o } = summed([set], [x, y, z]);
+                assert.equal(found.known, weight > 1e-37, `${x} ${y} ${z}`);
+                if (!found.known) return;
+                reached++;
+                assert.ok(Math.abs(found.v - v) < 0.02, `${found.v} is not ${v} at ${x} ${y} ${z}`);
+                assert.ok(Math.abs(found.o - o) < 5e-5);
+            });
+            assert.ok(reached > 1000);
+        });
+    }
+
+    it('lie where they are if their space is not that of the grid', () => {
+        const m = [1.2, 0.3, 0, -18, -0.3, 1.2, 0.1, -12, 0, 0, -1.6, 20], size: Vec3 = [30, 30, 30];
+        const set = read('soft'), field = decoded({ ...set, grid: { size, affine: m } });
+        let compared = 0;
+        everyVoxel(size, (x, y, z) => {
+            // The space of the fixture: voxels of 1.5 mm from -17.25 mm on.
+            const mm = [0, 4, 8].map((r) => m[r] * x + m[r + 1] * y + m[r + 2] * z + m[r + 3]);
+            const place = mm.map((v) => (v + 17.25) / 1.5) as Vec3;
+            const found = ofGrid(field, x, y, z), { weight, v } = summed([set], place);
+            if (weight < 1e-6) return;
+            compared++;
+            assert.ok(Math.abs(found.v - v) < 0.05, `${found.v} is not ${v}`);
+        });
+        assert.ok(compared > 1000);
+    });
+
+    it('belong to the object that has most of the weight', () => {
+        const set = read('labels'), of = (label: number): SplatSet => {
+            const rows = Array.from(set.labels!.keys()).filter((i) => set.labels![i] === label);
+            const taken = <T extends Float64Array | Float32Array>(from: T, n: number): T =>
+                from.filter((_, i) => rows.includes(Math.floor(i / n))) as T;
+            return {
+                ...set, count: rows.length, means: taken(set.means, 3), roots: taken(set.roots, 6),
+                opacities: taken(set.opacities, 1), intensities: taken(set.intensities, 1), labels: null,
+            };
+        };
+        const field = decodeSplats([{ set, numbers: [[3, 12], [7, 5]] }], still), sets = [of(3), of(7)];
+        const counts = new Map<number, number>();
+        everyVoxel(set.grid!.size, (x, y, z) => {
+            const { label, o } = ofGrid(field, x, y, z), [three, seven] = summed(sets, [x, y, z]).weights;
+            if (three + seven === 0 || Math.abs(three - seven) < 1e-6 * three) return;
+            assert.equal(label, three > seven ? 12 : 5);
+            if (o > 0) counts.set(label, (counts.get(label) ?? 0) + 1);
+        });
+        assert.ok(counts.get(12)! > 30 && counts.get(5)! > 30);
+        const { histograms } = makeAtlas(field, still);
+        for (const [label, count] of counts) {
+            assert.equal(histograms.get(label)!.reduce((sum, n) => sum + n, 0), count);
+        }
+    });
+
+    it('of several sets are one field', () => {
+        const one = read('binary'), other = { ...read('labels'), background: one.background - 40 };
+        const first: Numbered = { set: one, numbers: [[0, 1]] };
+        const second: Numbered = { set: other, numbers: [[3, 2], [7, 3]] };
+        const field = decodeSplats([first, second], still), all = one.count + other.count;
+        const background = (one.background * one.count + other.background * other.count) / all;
+        assert.ok(Math.abs(field.background - background) < 1e-3);
+        const excepted = new Map<string, number>();
+        for (const { exceptions } of [one, other]) {
+            for (let i = 0; i < exceptions.length; i += 4) {
+                if (exceptions[i + 3]) excepted.set(exceptions.subarray(i, i + 3).join(), 1);
+            }
+        }
+        everyVoxel(one.grid!.size, (x, y, z) => {
+            const found = ofGrid(field, x, y, z), sums = summed([{ ...one, background }, other], [x, y, z]);
+            if (!found.known) return;
+            assert.ok(Math.abs(found.v - sums.v) < 0.02);
+            if (Math.abs(sums.weight - one.occupancyW0) < 1e-6) return;
+            assert.equal(found.o, excepted.get([x, y, z].join()) ?? (sums.o > 0.5 ? 1 : 0));
+        });
+        assert.ok(excepted.size > 20);
+    });
+
+    it('that do not add up to one field are refused', () => {
+        const one = read('binary'), grid = { ...one.grid!, size: [24, 24, 25] as Vec3 };
+        for (const [other, word] of [
+            [{ ...one, kernel: 'gaussian' }, /kernel/],
+            [{ ...one, epsilon: 0.5 }, /ε/], [{ ...one, occupancyW0: 0.5 }, /w₀/],
+            [{ ...one, grid }, /different grids/], [{ ...one, unit: 'luminance' }, /luminances/],
+            [{ ...one, form: 'field' }, /between the voxels/], [{ ...one, grid: null }, /between the voxels/],
+        ] as [SplatSet, RegExp][]) {
+            const told = (error: unknown): boolean => error instanceof Refusal && word.test(error.message);
+            assert.throws(() => decoded(one, other), told);
+        }
+    });
+});
+
+describe('an atlas', () => {
+    for (const name of ['binary', 'labels', 'soft']) {
+        it(`has V, O and labels of its field, and intervals of all that is read: ${name}`, () => {
+            const field = decoded(read(name)), atlas = makeAtlas(field, still);
+            checkAtlas(atlas, field);
+        });
+    }
+
+    it('of nothing is empty', () => {
+        const set = read('binary'), far = { ...set, means: set.means.map((v) => v + 1e4) };
+        const atlas = makeAtlas(decoded(far), still);
+        assert.ok(atlas.texels.every((bits, i) => i % 2 === 0 || bits === 0));
+        assert.ok(atlas.leaps.intervals.every((v, i) => v === (i % 2 ? -Infinity : Infinity)));
+        assert.equal(atlas.histograms.size, 0);
+    });
+
+    it('holds V beyond the faces of the grid, and nothing is there', () => {
+        const set = read('soft'), field = decoded({ ...set, grid: { ...set.grid!, size: [12, 11, 12] } });
+        const atlas = makeAtlas(field, still), [low, high] = field.faces;
+        let held = 0;
+        everyTexel(atlas, (brick, at, [x, y, z]) => {
+            const place = [x, y, z].map((v, k) => v - offset(atlas, field)[k]) as Vec3;
+            const inside = place.map((v, k) => Math.min(Math.max(v, low[k]), high[k])) as Vec3;
+            // A sample where something is reads no voxel farther than the first one beyond.
+            const beyond = Math.max(...inside.map((v, k) => Math.abs(v - place[k])));
+            if (beyond !== 1) return;
+            const { v, o } = texel(atlas, brick, ...at), face = voxel(field, ...inside);
+            assert.equal(o, 0);
+            if (face.o === 0) return;
+            held++;
+            assert.ok(Math.abs(v - face.v) <= 0.26, `${v} is not ${face.v}`);
+        });
+        assert.ok(held > 20, `${held}`);
+    });
+
+    it('holds V that are far apart or near together', () => {
+        for (const factor of [1e-6, 1, 1e7]) {
+            const set = read('soft'), intensities = set.intensities.map((c) => c * factor);
+            const field = decoded({ ...set, background: set.background * factor, intensities });
+            const atlas = makeAtlas(field, still), span = field.range[1] - field.range[0];
+            const away = offset(atlas, field);
+            everyTexel(atlas, (brick, at, place) => {
+                const found = texel(atlas, brick, ...at);
+                const there = voxel(field, ...(place.map((v, k) => v - away[k]) as Vec3));
+                if (there.o > 0) assert.ok(Math.abs(found.v - there.v) < span / 2000);
+            });
+        }
+    });
+});
+
+/** Voxels from the box of a field to that of its atlas. */
+function offset(atlas: Atlas, field: Field): Vec3 {
+    // The fixtures have axes along those of the world.
+    const [m, n] = [field.worldFromVoxel, atlas.worldFromVoxel];
+    return [0, 1, 2].map((k) => Math.round((m[4 * k + 3] - n[4 * k + 3]) / m[5 * k])) as Vec3;
+}
+
+/**
+ * Calls `each` with every texel of every brick that is there: brick, place in it, voxel of the box of the
+ * atlas.
+ */
+function everyTexel({ bricks, places }: Atlas, each: (brick: Vec3, at: Vec3, voxel: Vec3) => void): void {
+    everyVoxel(bricks, (X, Y, Z) => {
+        if (places[(Z * bricks[1] + Y) * bricks[0] + X] === 0) return;
+        everyVoxel([9, 9, 9], (x, y, z) => {
+            each([X, Y, Z], [x, y, z], [X * 8 + x - 1, Y * 8 + y - 1, Z * 8 + z - 1]);
+        });
+    });
+}
+
+function checkAtlas(atlas: Atlas, field: Field): void {
+    const [a, b, c] = offset(atlas, field);
+    const at = (x: number, y: number, z: number) => voxel(field, x - a, y - b, z - c);
+    let there = 0, alone = 0, seen = 0;
+    everyTexel(atlas, (brick, place, [x, y, z]) => {
+        const found = texel(atlas, brick, ...place), wanted = at(x, y, z);
+        assert.ok(Math.abs(found.o - wanted.o) < 3e-4);
+        if (wanted.o === 0) return;
+        there++;
+        assert.equal(found.label, wanted.label);
+        assert.ok(Math.abs(found.v - wanted.v) <= 0.26, `${found.v} is not ${wanted.v}`);
+        // V counts at all corners of the cell, and `alone` says what labels there are.
+        const [cx, cy, cz] = place.map((v) => Math.min(v, 7));
+        everyVoxel([2, 2, 2], (i, j, k) => {
+            const corner = texel(atlas, brick, cx + i, cy + j, cz + k);
+            const voxel = at(x - place[0] + cx + i, y - place[1] + cy + j, z - place[2] + cz + k);
+            if (voxel.known) assert.ok(Math.abs(corner.v - voxel.v) <= 0.51);
+            const told = place.every((v) => v < 8) && found.alone && voxel.o > 0;
+            if (told) assert.equal(voxel.label, found.label);
+        });
+        alone += found.alone ? 1 : 0;
+    });
+    // All that is there is in some brick, and the border of the box is empty.
+    everyVoxel(atlas.size, (x, y, z) => {
+        const { o } = at(x, y, z), brick = [x, y, z].map((v) => (v + 1) >> 3) as Vec3;
+        if (o === 0) return;
+        seen++;
+        assert.ok([x, y, z].every((v, k) => v > 0 && v < atlas.size[k] - 1));
+        assert.ok(atlas.places[(brick[2] * atlas.bricks[1] + brick[1]) * atlas.bricks[0] + brick[0]] > 0);
+    });
+    assert.ok(there >= seen && seen > 200 && alone > there / 2);
+    const { shift, bricks, intervals } = atlas.leaps;
+    everyVoxel(bricks, (X, Y, Z) => {
+        const [x, y, z] = [X << shift[0], Y << shift[1], Z << shift[2]];
+        const i = 2 * ((Z * bricks[1] + Y) * bricks[0] + X);
+        let any = false, least = Infinity, greatest = -Infinity;
+        everyVoxel(shift.map((s) => (1 << s) + 3) as Vec3, (a, b, c) => {
+            const { o, v } = at(x + a - 2, y + b - 2, z + c - 2);
+            any ||= o > 0;
+            [least, greatest] = [Math.min(least, v), Math.max(greatest, v)];
+        });
+        assert.equal(intervals[i] <= intervals[i + 1], any, `${X} ${Y} ${Z}`);
+        if (any) assert.ok(intervals[i] <= least + 0.51 && intervals[i + 1] >= greatest - 0.51);
+    });
+    atlas.brickAt.forEach((coordinates, place) => {
+        if (coordinates === 0xffffffff) return;
+        const [X, Y, Z] = [coordinates & 1023, (coordinates >> 10) & 1023, coordinates >> 20];
+        const across = atlas.dims.map((n) => n / 9);
+        const packed = atlas.places[(Z * atlas.bricks[1] + Y) * atlas.bricks[0] + X];
+        const row = ((packed >> 10) & 1023) + across[1] * (packed >> 20);
+        assert.equal((packed & 1023) + across[0] * row, place);
+    });
+}
+
+describe('a damaged file', () => {
+    /** Decodes, and returns the sentence if it is refused. */
+    const outcome = (data: Uint8Array, kind: Part['kind'] = 'vgs'): string | Atlas => {
+        const begin = process.cpuUsage();
+        try {
+            return decode([part(data, kind)], still);
+        } catch (error) {
+            assert.ok(error instanceof Refusal, `${(error as Error).stack}`);
+            assert.match(error.message, /^[A-Z].*\.$/);
+            return error.message;
+        } finally {
+            assert.ok(process.cpuUsage(begin).user < 2e6, 'within two seconds of a processor');
+        }
+    };
+
+    it('is found wherever a bit is wrong', () => {
+        for (const [name, kind] of [['binary.vgs', 'vgs'], ['field.voxels', 'voxels']] as const) {
+            const bytes = bytesOf(name);
+            assert.equal(typeof outcome(bytes, kind), 'object');
+            for (let at = 0; at < bytes.length; at += 5) {
+                const changed = bytes.slice();
+                changed[at] ^= 1 << (at % 8);
+                assert.equal(typeof outcome(changed, kind), 'string', `byte ${at} of ${name}`);
+            }
+        }
+    });
+
+    it('that ends early is read as far as it is whole', () => {
+        const bytes = bytesOf('binary.vgs'), whole = readVgs(bytes);
+        for (let end = 0; end < bytes.length; end += 7) {
+            const cut = bytes.slice(0, end), found = outcome(cut);
+            if (typeof found === 'string') continue;
+            // The layer is there, and the exceptions are not.
+            const set = readVgs(cut);
+            assert.equal(set.count, whole.count);
+            assert.deepEqual(set.means, whole.means);
+            assert.equal(set.exceptions.length, 0);
+        }
+        assert.equal(typeof outcome(bytes.slice(0, bytes.length - 1)), 'object');
+        const two = withHeader(bytes, (header) => header.layers.push({ count: 9, bytes: 90000, crc32: 1 }));
+        assert.deepEqual([readVgs(two).count, readVgs(two).missing], [whole.count, 9]);
+    });
+
+    it('that lies in its header is refused or decoded, and soon', () => {
+        const bytes = bytesOf('binary.vgs'), last = 0xffffffff;
+        const lies: ((header: any) => void)[] = [
+            (h) => (h.layers[0].count = 1e6), (h) => (h.layers[0].count = 500),
+            (h) => (h.layers[0].count = 2 ** 53), (h) => (h.layers[0].count = -1),
+            (h) => (h.layers[0].bytes = 2 ** 60), (h) => (h.layers[0].bytes = 1.5), (h) => (h.layers = []),
+            (h) => (h.layers = {}), (h) => (h.layers = [null]), (h) => (h.exceptions.count = 1400),
+            (h) => (h.exceptions = null), (h) => (h.grid.size = [65535, 65535, 65535]),
+            (h) => (h.grid.size = [last, last, last]), (h) => (h.grid.size = [0, 1, 1]),
+            (h) => (h.grid.size = [2, 2, 2]), (h) => (h.grid = null), (h) => delete h.grid,
+            (h) => (h.grid.affine[0] = 0),
+            (h) => (h.grid.affine = h.grid.affine.map((v: number) => v * 1e-3)),
+            (h) => (h.grid = { size: [4000, 4000, 4000], affine: h.affine.map((v: number) => v * 0.01) }),
+            (h) => (h.grid.affine[2] = 1e9), (h) => (h.affine[2] = 1e9), (h) => (h.grid.affine[1] = -1e5),
+            (h) => (h.grid = { size: [400, 400, 400], affine: h.grid.affine.map((v: number) => v * 0.06) }),
+            (h) => (h.affine = h.affine.map((v: number) => v * 1e6)), (h) => (h.affine[3] = 1e300),
+            (h) => (h.affine = [1]), (h) => (h.steps.mean = 0), (h) => (h.steps.ratio = 1.0001),
+            (h) => (h.steps.ratio = 2), (h) => (h.steps.ratio = 1), (h) => (h.steps.opacity = 2),
+            (h) => (h.steps.intensity = 1e30), (h) => (h.steps.intensity = null),
+            (h) => (h.cells.side_log2 = 200), (h) => (h.cells.side_log2 = -200),
+            (h) => (h.cells.side_log2 = 5), (h) => (h.cells.first = [2 ** 60, 0, 0]),
+            (h) => (h.cells.first = ['a', 0, 0]), (h) => (h.ranges[0] = [-(2 ** 26), 2 ** 26]),
+            (h) => (h.ranges[0] = [5, 4]), (h) => h.ranges.pop(), (h) => (h.ranges[8] = [-3, 300]),
+            (h) => (h.ranges[6] = [-40, 40]), (h) => (h.ranges[2] = [0, 0]), (h) => (h.kernel = 'gated'),
+            (h) => (h.kernel = 'constructor'), (h) => (h.kernel = 3), (h) => (h.form = 'field'),
+            (h) => (h.form = 'grid'), (h) => (h.epsilon = -1), (h) => (h.epsilon = 1e39),
+            (h) => (h.occupancy_w0 = 0), (h) => (h.occupancy_w0 = 1e-300), (h) => (h.background = 1e38),
+            (h) => (h.background = 'x'), (h) => (h.intensity = 'K'), (h) => (h.labels = 'yes'),
+            (h) => (h.labels = true), (h) => (h.label_names = [[1, '']]), (h) => (h.more = 1),
+            (h) => (h.label_names = [[2, 'b'], [1, 'a']]), (h) => (h.label_names = [[1, 'a\u0000b']]),
+            (h) => (h.__proto__ = 1), (h) => (h.grid = [h.grid]), (h) => (h.volume_crc32 = -1),
+            (h) => (h.iterations = 1.5), (h) => (h.note = [[[[]]]]),
+        ];
+        const outcomes = lies.map((lie) => outcome(withHeader(bytes, lie)));
+        assert.ok(outcomes.filter((found) => typeof found === 'string').length > 40);
+        assert.ok(outcomes.filter((found) => typeof found === 'object').length > 5);
+        assert.equal(typeof outcome(withHeader(bytes, () => {})), 'object');
+    });
+
+    it('is refused if it is none', () => {
+        const next = random(5);
+        for (let length = 0; length < 400; length += 40) {
+            const bytes = Uint8Array.from({ length }, () => next() * 256);
+            assert.equal(typeof outcome(bytes), 'string');
+            assert.equal(typeof outcome(bytes, 'voxels'), 'string');
+        }
+        assert.match(String(outcome(bytesOf('field.voxels'))), /damaged/);
+        assert.throws(() => decode([], still), Refusal);
+        const both = [part(bytesOf('binary.vgs')), part(bytesOf('field.voxels'), 'voxels')];
+        assert.throws(() => decode(both, still), Refusal);
+    });
+});
+
+describe('a field on voxels', () => {
+    // As in src/voxels.rs.
+    const size: Vec3 = [21, 18, 15];
+    const value = (x: number, y: number, z: number): number =>
+        ((x * x * 5 + y * 40 + z * z * y) % 700) * 1.5 - 300;
+    const occupancy = (x: number, y: number, z: number): number =>
+        x > 0 && y > 0 && z > 0 && x < 20 && y < 17 && z < 14 && (x + 2 * y) % 9 < 6
+            ? Math.min(((x + y + 2 * z) % 12) / 6, 1) : 0;
+
+    it('comes back', () => {
+        const field = readVoxels(bytesOf('field.voxels'), [[0, 4], [1, 9], [2, 30]], still);
+        assert.deepEqual([field.size, field.range, field.edge], [size, [-300, 748.5], 1.5]);
+        assert.deepEqual(field.worldFromVoxel, [1, 0, 0, -4, 0, 1.5, 0, 5.5, 0, 0, 2, 6]);
+        everyVoxel(size, (x, y, z) => {
+            const { v, o, label, known } = voxel(field, x, y, z), wanted = occupancy(x, y, z);
+            assert.ok(Math.abs(o - wanted) < 0.002, `O is ${o} and not ${wanted} at ${x} ${y} ${z}`);
+            let near = false;
+            everyVoxel([3, 3, 3], (i, j, k) => (near ||= occupancy(x + i - 1, y + j - 1, z + k - 1) > 0));
+            assert.equal(known, near);
+            if (near) assert.ok(Math.abs(v - value(x, y, z)) <= 0.25, `V is ${v} and not ${value(x, y, z)}`);
+            if (o > 0) assert.equal(label, [4, 9, 30][Math.floor(x / 8)]);
+        });
+        checkAtlas(makeAtlas(field, still), field);
+    });
+});
+
+describe('the worker', () => {
+    it('tells what it does, and how long each stage takes', () => {
+        const told: [string, number][] = [], bytes = bytesOf('labels.vgs');
+        const tell = (stage: string, share: number): unknown => told.push([stage, share]);
+        const atlas = decode([part(bytes, 'vgs', [[3, 1], [7, 2]])], tell);
+        assert.ok(told.every(([stage]) => /^[A-Z]/.test(stage)));
+        assert.ok(told.every(([, share], i) => share >= (told[i - 1]?.[1] ?? 0)));
+        assert.ok(told[told.length - 1][1] <= 1);
+        assert.deepEqual(Object.keys(atlas.times), ['read', 'decode', 'arrange']);
+        assert.deepEqual([...atlas.histograms.keys()].sort(), [1, 2]);
+    });
+});

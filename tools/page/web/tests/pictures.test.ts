@@ -1,0 +1,151 @@
+// Pictures of pages beside those of `vgs render`: every preset, lit and unlit, objects, planes, occlusion and gradient
+// opacity, each through a page that `vgs convert` has written. VGS_PROGRAM names the program, VGS_RUNNER what starts it.
+import assert from 'node:assert/strict';
+import { execFileSync } from 'node:child_process';
+import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { after, before, test } from 'node:test';
+import type { Browser, Page } from 'playwright-core';
+import { PNG } from 'pngjs';
+import { bytesOf } from '../text.ts';
+import type { Look, Material, Scene } from '../types.ts';
+import { viewOf } from '../ui/camera.ts';
+import { harness, launch, missing, open } from './browser.ts';
+
+const program = process.env['VGS_PROGRAM'];
+const skip = missing || (program ? false : 'VGS_PROGRAM names no program');
+const fixtures = new URL('./fixtures/', import.meta.url).pathname;
+/** Width and height of the pictures, pixels. */
+const SIZE = 144;
+/** Least likeness, dB, over the whole picture. */
+const LIKE = 60;
+
+let browser: Browser, scratch: string;
+before(async () => {
+    scratch = mkdtempSync(join(tmpdir(), 'vgs-pictures-'));
+    if (!skip) browser = await launch();
+});
+after(async () => {
+    await browser?.close();
+    rmSync(scratch, { recursive: true });
+});
+
+function vgs(...flags: string[]): void {
+    const runner = process.env['VGS_RUNNER'];
+    const [first, ...rest] = runner ? [runner, program!, ...flags] : [program!, ...flags];
+    execFileSync(first, rest, { stdio: ['ignore', 'ignore', 'inherit'] });
+}
+
+/** The scene and the data of a page that `vgs convert` writes. */
+function written(name: string, flags: string[]): { scene: Scene; parts: object[] } {
+    const file = join(scratch, 'page.html');
+    vgs('convert', ...name.split(' ').map((part) => join(fixtures, part)), '-o', file, '--force', '-q', ...flags);
+    const html = readFileSync(file, 'utf8');
+    const element = (id: string) => new RegExp(`id="${id}">([^<]*)<`).exec(html)![1];
+    const scene: Scene = JSON.parse(element('scene'));
+    const parts = scene.parts.map((part, i) => ({
+        ...part, text: Buffer.from(bytesOf(element(`data-${i}`), part.bytes)).toString('base64'),
+    }));
+    return { scene, parts };
+}
+
+/** The picture of `vgs render`, RGBA, rows from the top. */
+function rendered(name: string, flags: string[]): Buffer {
+    const file = join(scratch, 'picture.png');
+    const files = name.split(' ').map((part) => join(fixtures, part));
+    const quality = ['--mode', 'decoded', '--size', `${SIZE}x${SIZE}`, '--step', '0.25'];
+    vgs('render', ...files, '-o', file, '--force', '-q', ...quality, ...flags);
+    return PNG.sync.read(readFileSync(file)).data;
+}
+
+/** Likeness of two pictures, dB. */
+function likeness(a: Buffer, b: Buffer): number {
+    let sum = 0;
+    for (let i = 0; i < a.length; i++) if (i % 4 < 3) sum += (a[i] - b[i]) ** 2;
+    return 10 * Math.log10((255 ** 2 * a.length * 0.75) / Math.max(sum, 1));
+}
+
+/** How many pixels are not as dark as the background. */
+const shown = (picture: Buffer) => picture.filter((v, i) => i % 4 === 1 && v > 8).length;
+
+async function drawn(page: Page, scene: Scene): Promise<Buffer> {
+    const { light, clip, background, camera } = scene;
+    const objects = scene.objects.map(({ number, ...object }) => [number, object]);
+    const look = { function: scene.function, light, clip, background } as unknown as Look;
+    const { text } = await page.evaluate(([view, look, objects, size]) =>
+        // @ts-expect-error: drawing.ts puts it there.
+        api.picture(view, look, objects, { step: 0.25, cell: null, occlusion: true }, size, size) as { text: string },
+    [viewOf(camera, 1), look, objects, SIZE] as const);
+    return Buffer.from(text, 'base64');
+}
+
+/** A picture: flags of `vgs convert` and `vgs render`, flags of the latter alone, and what they mean for the page. */
+interface Case {
+    both?: string[];
+    render?: string[];
+    page?: (scene: Scene) => Scene;
+}
+
+const material = (change: Partial<Material>) => (scene: Scene): Scene =>
+    ({ ...scene, function: { ...scene.function, material: { ...scene.function.material, ...change } } });
+
+/** Compares pages with `vgs render`. */
+async function compare(name: string, cases: Case[]): Promise<void> {
+    const { page, close } = await open(browser, await harness('drawing.ts'));
+    const poor: string[] = [];
+    for (const { both = [], render = [], page: change = (scene: Scene) => scene } of cases) {
+        const flags = ['--camera', 'anterior-left-superior', ...both];
+        const { scene, parts } = written(name, flags);
+        // @ts-expect-error: drawing.ts puts it there.
+        await page.evaluate((parts) => api.load(parts), parts);
+        const theirs = rendered(name, [...flags, ...render]);
+        const what = [...both, ...render].join(' ');
+        assert.ok(shown(theirs) > 50, `${what} shows nothing`);
+        const like = likeness(await drawn(page, change(scene)), theirs);
+        if (!(like >= LIKE)) poor.push(`${what}: ${like.toFixed(1)} dB`);
+    }
+    await close();
+    assert.deepEqual(poor, [], `pictures of ${name} less like than ${LIKE} dB`);
+}
+
+test('every preset that shows something, lit and unlit', { skip }, async () => {
+    const presets = [
+        'CT-Bone', 'CT-Bones-Steep', 'CT-Soft-Tissue', 'CT-Angio', 'CT-Muscle', 'CT-Liver-Vasculature', 'CT-X-Ray',
+        'Grey',
+    ];
+    await compare('binary.vgs', presets.flatMap((tf) => [true, false].map((shade) => ({
+        both: ['--tf', tf], render: ['--shade', shade ? 'on' : 'off'], page: material({ shade }),
+    }))));
+});
+
+test('objects with colours, opacities and functions, and a hidden one', { skip }, async () => {
+    await compare('labels.vgs', [
+        {},
+        { both: ['--tf', 'CT-Soft-Tissue', '--object-colours'] },
+        { both: ['--tf', 'CT-Bone', '--object', '3:colour=#30a0e0,opacity=0.3'] },
+        { both: ['--tf', 'CT-Bone', '--object', '7:hidden'] },
+        { both: ['--tf', 'CT-Bone', '--object', '3:tf=CT-Soft-Tissue'] },
+    ]);
+});
+
+test('soft masks, and several files', { skip }, async () => {
+    await compare('soft.vgs', [{ both: ['--tf', 'CT-Soft-Tissue'] }, { both: ['--tf', 'CT-Bone'] }]);
+    await compare('binary.vgs binary.vgs', [{ both: ['--tf', 'CT-Bone'] }]);
+});
+
+test('planes, occlusion, gradient opacity and light', { skip }, async () => {
+    const bone = ['--tf', 'CT-Bone'];
+    await compare('binary.vgs', [
+        { both: [...bone, '--clip', 'x<0', '--clip', 'z>-4'] },
+        { both: bone, render: ['--occlusion', '0.8'], page: material({ occlusion: 0.8 }) },
+        {
+            both: bone, render: ['--gradient-opacity', '30,120'],
+            page: (scene) => ({ ...scene, function: { ...scene.function, gradientOpacities: [[30, 0], [120, 1]] } }),
+        },
+        {
+            both: bone, render: ['--light-direction', 'left', '--fill-light', '0.3'],
+            page: (scene) => ({ ...scene, light: { direction: [-1, 0, 0], fixedTo: 'patient', fill: 0.3 } }),
+        },
+    ]);
+});
