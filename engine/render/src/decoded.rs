@@ -93,18 +93,15 @@ pub struct Decoded {
 /// # Errors
 /// If the pitch is below ¼ or above 16.
 pub fn decode(gpu: &Gpu, set: &SplatSet, pitch: f64) -> Result<Decoded> {
-    let here = DAffine3::from_translation(-set.origin_mm);
-    Source {
-        splats: set.splats.clone(),
-        objects: set.labels.clone().unwrap_or_else(|| vec![0; set.splats.len()]),
-        field: set.field,
-        grid: set.grid.map(|grid| Grid { world_from_voxel: here * grid.world_from_voxel, ..grid }),
-        form: set.form,
-        exceptions: set.exceptions.as_slice().into(),
-        sigma_mm: middle_sigma(&set.splats),
-    }
-    .decode(gpu, pitch, &mut |_| true)?
-    .ok_or_else(|| Error::new(Kind::Internal, "VGS-RENDER-026", "a decoded field is lost"))
+    Source::of(set)
+        .decode(gpu, pitch, &mut |_| true)?
+        .ok_or_else(|| Error::new(Kind::Internal, "VGS-RENDER-026", "a decoded field is lost"))
+}
+
+/// Returns true if [`decode`] has every voxel of a set's grid; false if there would be too many, so that it takes every
+/// second one, or fewer.
+pub fn decodes_every_voxel(set: &SplatSet) -> bool {
+    Source::of(set).extent_at(1.0).is_some()
 }
 
 /// Fails if splats cannot be decoded to voxels of this pitch.
@@ -136,6 +133,20 @@ struct Extent {
 }
 
 impl Source {
+    /// Returns the splats of a set in its own space, mm less its origin.
+    fn of(set: &SplatSet) -> Self {
+        let here = DAffine3::from_translation(-set.origin_mm);
+        Source {
+            splats: set.splats.clone(),
+            objects: set.labels.clone().unwrap_or_else(|| vec![0; set.splats.len()]),
+            field: set.field,
+            grid: set.grid.map(|grid| Grid { world_from_voxel: here * grid.world_from_voxel, ..grid }),
+            form: set.form,
+            exceptions: set.exceptions.as_slice().into(),
+            sigma_mm: middle_sigma(&set.splats),
+        }
+    }
+
     /// Decodes the splats. `going` is told the part that is done, 0 to 1, again and again; the result is
     /// `None` if it returns false.
     pub(super) fn decode(
@@ -258,21 +269,27 @@ impl Source {
     /// Returns the voxels that splats reach, at the pitch or at the first coarser one at which they are few
     /// enough, the splats in the space of the lattice, and what each of them reaches.
     fn extent(&self, mut pitch: f64) -> (Extent, Vec<Splat>, Vec<VoxelBox>) {
-        let set = SplatSet { splats: self.splats.clone(), ..SplatSet::default() };
         loop {
-            let grid = self.lattice().at_pitch(pitch);
-            let splats = set.to_voxel(&grid.world_from_voxel);
-            let faces = match self.grid {
-                Some(_) => [IVec3::ZERO, UVec3::from_array(grid.size).as_ivec3() - 1],
-                None => [IVec3::MIN / 4, IVec3::MAX / 4],
-            };
-            let boxes = boxes(&splats, &self.field, faces);
-            if let Some(extent) = Extent::around(&boxes, grid.world_from_voxel, faces, pitch) {
-                return (extent, splats, boxes);
+            if let Some(found) = self.extent_at(pitch) {
+                return found;
             }
             pitch *= 2.0;
             tracing::warn!("the field reaches too far to be decoded finer than to every {pitch} voxels");
         }
+    }
+
+    /// Returns the same at this pitch; `None` if there are too many voxels.
+    fn extent_at(&self, pitch: f64) -> Option<(Extent, Vec<Splat>, Vec<VoxelBox>)> {
+        let set = SplatSet { splats: self.splats.clone(), ..SplatSet::default() };
+        let grid = self.lattice().at_pitch(pitch);
+        let splats = set.to_voxel(&grid.world_from_voxel);
+        let faces = match self.grid {
+            Some(_) => [IVec3::ZERO, UVec3::from_array(grid.size).as_ivec3() - 1],
+            None => [IVec3::MIN / 4, IVec3::MAX / 4],
+        };
+        let boxes = boxes(&splats, &self.field, faces);
+        let extent = Extent::around(&boxes, grid.world_from_voxel, faces, pitch)?;
+        Some((extent, splats, boxes))
     }
 
     /// Returns the grid of the file, or a grid of cubes if it has none.

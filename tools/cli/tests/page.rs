@@ -145,9 +145,13 @@ fn a_page_is_told_in_words_and_kept_unless_forced() {
     assert_eq!((json["title"].as_str(), json["objects"][0]["name"].as_str()), (Some("Bones"), Some("bones")));
     let cut = &html[..html.find("id=\"data-0\">").expect("the data") + 50];
     let changed = html.replace("\"unit\":\"hu\"", "\"unit\":\"hu\",\"more\":1");
+    let place = html.find("id=\"data-0\">").expect("the data") + 1000;
+    let other = if &html[place..=place] == "5" { "6" } else { "5" };
+    let flipped = [&html[..place], other, &html[place + 1..]].concat();
     for (name, content, code) in [
         ("cut.html", cut, "VGS-PAGE-005"),
         ("changed.html", &changed, "VGS-PAGE-004"),
+        ("flipped.html", &flipped, "VGS-PAGE-005"),
         ("other.html", "<!doctype html><p>Hello", "VGS-PAGE-003"),
     ] {
         folder.write(name, content);

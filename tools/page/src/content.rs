@@ -3,7 +3,7 @@
 
 use engine::fit::rounded_as_it_is;
 use engine::gpu::Gpu;
-use engine::render::decode;
+use engine::render::{decode, decodes_every_voxel};
 use engine::splat::{Activations, Form, Grid, SplatSet, vgs};
 use engine::unit::Unit;
 use engine::{Result, memory};
@@ -52,7 +52,9 @@ impl Content {
             let number = |(number, _): &(u8, String)| [if has_labels { *number } else { 0 }, *number];
             Ok(content(vec![(PartKind::Voxels, data, names.iter().map(number).collect())]))
         };
-        if !pieces.iter().all(|piece| is_read_by_pages(&piece.source.set)) {
+        // The limits of pages are those of the engine, which goes on with coarser voxels.
+        let is_read = pieces.iter().all(|piece| is_read_by_pages(&piece.source.set));
+        if !is_read || !decodes_every_voxel(set) {
             return voxels(device);
         }
         let file = |Piece { source, numbers }: &Piece| {

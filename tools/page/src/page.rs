@@ -3,13 +3,13 @@
 use std::path::Path;
 
 use engine::render::{Look, PLANES};
-use engine::splat::SplatSet;
+use engine::splat::{ReadOptions, SplatSet, vgs};
 use engine::transfer::PRESETS;
 use engine::{Error, Kind, Result, output};
 
 use crate::content::Content;
-use crate::scene::{Function, Plane, Scene, SceneLight, SceneObject, Viewpoint};
-use crate::{names, text};
+use crate::scene::{Function, Part, PartKind, Plane, Scene, SceneLight, SceneObject, Viewpoint};
+use crate::{names, text, voxels};
 
 /// The program of every page: HTML, style and scripts in one file, made of `web/`.
 const PROGRAM: &str = include_str!("../bundle/page.html");
@@ -155,12 +155,22 @@ impl Page {
             let text = element(&html, &start)?;
             text::decode(text, usize::try_from(part.bytes).ok()?)
         });
-        let data = data.collect::<Option<Vec<_>>>().ok_or_else(|| {
-            Error::new(Kind::BadData, "VGS-PAGE-005", "a page whose data are not all there")
-                .file(path)
-                .help("it was cut off or changed on its way; get it again, or write it again from its splats")
-        })?;
+        let data = data.collect::<Option<Vec<_>>>().ok_or_else(|| not_whole().file(path))?;
         Ok((Page { scene, data }, html))
+    }
+
+    /// Fails if a browser would find the data damaged.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] if there are none, or if they are not as they were written.
+    pub fn check(&self) -> Result<()> {
+        let strict = ReadOptions { strict: true, ..ReadOptions::default() };
+        let is_sound = |(part, data): (&Part, &Vec<u8>)| match part.kind {
+            PartKind::Vgs => vgs::decode(data, &strict).is_ok(),
+            PartKind::Voxels => voxels::is_whole(data),
+        };
+        let sound = !self.data.is_empty() && self.scene.parts.iter().zip(&self.data).all(is_sound);
+        if sound { Ok(()) } else { Err(not_whole()) }
     }
 
     /// Returns the sizes of a page with this HTML.
@@ -171,6 +181,15 @@ impl Page {
             data: self.data.iter().map(|data| data.len() as u64).sum(),
         }
     }
+}
+
+fn not_whole() -> Error {
+    Error::new(
+        Kind::BadData,
+        "VGS-PAGE-005",
+        "a page whose data are not all there, or not as they were written",
+    )
+    .help("it was cut off or changed on its way; get it again, or write it again from its splats")
 }
 
 /// Returns what an element holds that begins so.
@@ -191,7 +210,6 @@ mod tests {
     use glam::DVec3;
 
     use super::*;
-    use crate::scene::{Part, PartKind};
 
     fn content() -> Content {
         let data = vec![b"first".to_vec(), (0..=255).collect()];

@@ -13,9 +13,11 @@
 //!
 //! V is there where a sample can need it: at voxels with O and the 26 around each of them. It is predicted from
 //! the voxels before it: by seven predictors, weighted by how wrong each was nearby. What is left is coded by how
-//! wrong all were together. That takes a fifth less than deflated bytes. The range coder is that of `.vgs` files
-//! (`engine/splat/src/vgs/coder.rs`). All is computed in integers, and in +, −, × and ÷ of f64, so that
+//! wrong all were together. That takes a fifth less than deflated bytes. The range coder is that of `.vgs`
+//! files. All is computed in integers, and in +, −, × and ÷ of f64, so that
 //! `web/field/voxels.ts` finds the same numbers.
+
+use engine::splat::vgs::coder::{Encoder, Tree};
 
 /// The first bytes.
 const MARK: [u8; 8] = *b"\x89VGF\r\n\x1a\n";
@@ -105,6 +107,13 @@ fn used_labels(field: &VoxelField, occupancies: &[u8]) -> Vec<u8> {
 fn mean(values: impl Iterator<Item = f32>) -> f32 {
     let (sum, count) = values.fold((0.0, 0.0), |(sum, count), v| (sum + f64::from(v), count + 1.0));
     if count > 0.0 { (sum / count) as f32 } else { 0.0 }
+}
+
+/// Returns true if these bytes are a field as it was written.
+pub fn is_whole(bytes: &[u8]) -> bool {
+    let Some((head, rest)) = bytes.split_at_checked(16) else { return false };
+    let word = |at: usize| head[at..].first_chunk().copied().map(u32::from_le_bytes);
+    head.starts_with(&MARK) && word(8) == Some(VERSION) && word(12) == Some(crc32(rest))
 }
 
 fn crc32(bytes: &[u8]) -> u32 {
@@ -398,113 +407,6 @@ impl Residuals {
             rest -= piece;
             out.even(size >> rest & ((1 << piece) - 1), 1 << piece);
         }
-    }
-}
-
-/// The probability of one bit, learned from the bits seen so far.
-#[derive(Clone, Copy)]
-struct Bit {
-    /// Probability of a 0 in 1/65536.
-    zero: u16,
-    /// Number of bits seen, up to 250.
-    seen: u16,
-}
-
-impl Bit {
-    fn bound(self, range: u32) -> u32 {
-        (range >> 15) * u32::from(self.zero >> 1).clamp(32, (1 << 15) - 32)
-    }
-
-    fn learn(&mut self, bit: bool) {
-        let (at, target) = (i32::from(self.zero), if bit { 0 } else { 65535 });
-        self.zero = (at + (target - at) * 2 / (2 * i32::from(self.seen) + 3)) as u16;
-        self.seen = (self.seen + 1).min(250);
-    }
-}
-
-/// Models of the bits of a number: one for each prefix.
-#[derive(Clone)]
-struct Tree {
-    bits: u32,
-    nodes: Vec<Bit>,
-}
-
-impl Tree {
-    fn new(last: u32) -> Self {
-        let bits = u32::BITS - last.leading_zeros();
-        Tree { bits, nodes: vec![Bit { zero: 1 << 15, seen: 0 }; 1 << bits] }
-    }
-}
-
-/// Writes bits.
-struct Encoder {
-    low: u64,
-    range: u32,
-    /// The last byte that a carry may still change, and the number of 255s behind it.
-    pending: Option<u8>,
-    full: usize,
-    out: Vec<u8>,
-}
-
-impl Default for Encoder {
-    fn default() -> Self {
-        Encoder { low: 0, range: u32::MAX, pending: None, full: 0, out: Vec::new() }
-    }
-}
-
-impl Encoder {
-    fn number(&mut self, tree: &mut Tree, number: u32) {
-        let mut node = 1;
-        for k in (0..tree.bits).rev() {
-            let bit = number >> k & 1 == 1;
-            let model = &mut tree.nodes[node];
-            let bound = model.bound(self.range);
-            if bit {
-                self.low += u64::from(bound);
-                self.range -= bound;
-            } else {
-                self.range = bound;
-            }
-            model.learn(bit);
-            self.shift();
-            node = node << 1 | usize::from(bit);
-        }
-    }
-
-    fn even(&mut self, number: u32, count: u32) {
-        self.range /= count;
-        self.low += u64::from(self.range) * u64::from(number);
-        self.shift();
-    }
-
-    fn shift(&mut self) {
-        while self.range < 1 << 24 {
-            self.range <<= 8;
-            self.byte();
-        }
-    }
-
-    fn byte(&mut self) {
-        let carry = self.low > u64::from(u32::MAX);
-        let top = (self.low >> 24) as u8;
-        if top == 255 && !carry {
-            self.full += 1;
-        } else {
-            if let Some(pending) = self.pending {
-                self.out.push(pending.wrapping_add(u8::from(carry)));
-            }
-            let filler = if carry { 0 } else { 255 };
-            self.out.extend(std::iter::repeat_n(filler, self.full));
-            (self.full, self.pending) = (0, Some(top));
-        }
-        self.low = (self.low & 0x00ff_ffff) << 8;
-    }
-
-    fn finish(mut self) -> Vec<u8> {
-        for _ in 0..5 {
-            self.byte();
-        }
-        self.out
     }
 }
 

@@ -72,7 +72,9 @@ export async function page() {
     const style = await css(readFileSync(join(here, 'page.css'), 'utf8'));
     // Until the other is unpacked.
     const first = await css(`body { background: #000; color: #ccc; font-family: sans-serif }
-        svg, aside { display: none }`);
+        svg, aside { display: none }
+        #cut-off { visibility: hidden; animation: late 0s 8s forwards }
+        @keyframes late { to { visibility: visible } }`);
     const policy = `default-src 'none'; script-src ${hash(loader)} ${hash(program)}; `
         + `style-src ${hash(first)} ${hash(style)}; img-src data: blob:; worker-src blob:; base-uri 'none'; form-action 'none'`;
     const packed = deflateRawSync(Buffer.from(`${style}\0${program}`), { level: 9 });

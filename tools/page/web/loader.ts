@@ -2,6 +2,7 @@
 import { bytesOf } from './text.ts';
 
 async function load(): Promise<void> {
+    document.getElementById('cut-off')?.remove();
     const packed = document.getElementById('program')!;
     const bytes = bytesOf(packed.textContent!, Number(packed.dataset.bytes));
     const stream = new Blob([bytes]).stream().pipeThrough(new DecompressionStream('deflate-raw'));

@@ -43,7 +43,10 @@ function decoded(parts: Data[]): Promise<Atlas> {
             if ('atlas' in data) done(data.atlas);
             else failed(Error(data.error));
         };
-        worker.onerror = () => failed(Error(DAMAGED));
+        worker.onerror = (event) => {
+            event.preventDefault();
+            failed(Error(DAMAGED));
+        };
         const message: ToWorker = { parts };
         worker.postMessage(
             message,
@@ -75,6 +78,31 @@ function watch(display: Display): void {
 // The loader has put it there; the page is measured, and kept, without it.
 document.currentScript?.remove();
 
+/** Ends when the first picture is there. */
+const started = new AbortController();
+
+/** Says what went wrong; only errors of the page's own are sentences. */
+function failed(error: unknown): void {
+    const sentence =
+        error instanceof Error && error.constructor === Error
+            ? error.message
+            : `Something went wrong that should not (${error}). Load the page again, or get the file again.`;
+    fail('This page cannot show its scene', sentence);
+}
+
+for (const type of ['error', 'unhandledrejection'] as const)
+    addEventListener(
+        type,
+        (event) => {
+            const error: unknown = event instanceof ErrorEvent ? event.error : event.reason;
+            // Notices of the browser are events of this kind, too, without an error.
+            if (!error) return;
+            event.preventDefault();
+            failed(error);
+        },
+        { signal: started.signal },
+    );
+
 async function start(): Promise<void> {
     const bytes = new Blob([document.documentElement.outerHTML]).size;
     const lack = missing();
@@ -86,7 +114,7 @@ async function start(): Promise<void> {
     if (!carried) throw Error(DAMAGED);
     const { scene, data } = carried;
     document.title = scene.title;
-    byId('title').textContent = scene.title;
+    byId('title').textContent = byId('title').title = scene.title;
     const atlas = await decoded(data);
     progress(0.99, 'Preparing the picture');
     const display = new Display(byId<HTMLCanvasElement>('picture'), atlas);
@@ -104,17 +132,20 @@ async function start(): Promise<void> {
     fits();
     display.onprogress = (share) => {
         if (!began.firstPicture) {
+            started.abort();
             began.firstPicture = performance.now();
             progress(1, '');
         }
         byId('refined').style.width = share < 1 ? `${100 * share}%` : '0';
     };
+    // Before there is a look and a view, nothing is drawn.
+    const restored = await restore(app);
     app.changed('look');
     app.changed('camera');
-    if (!(await restore(app))) note(UNREADABLE);
+    if (!restored) note(UNREADABLE);
     follow(app);
     offerInterface(app);
     await offerHeadset(app, byId('headset'));
 }
 
-start().catch((error: Error) => fail('This page cannot show its scene', error.message));
+start().catch(failed);

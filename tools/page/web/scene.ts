@@ -1,6 +1,7 @@
 // What the file carries: the scene as JSON, and its parts as text.
 import { bytesOf } from './text.ts';
 import type { Part, Scene } from './types.ts';
+import { isScene } from './ui/checks.ts';
 
 /** What the worker is given. */
 export type Data = Part & { data: Uint8Array };
@@ -31,12 +32,13 @@ export function sceneIn(document: Document): { scene: Scene; data: Data[] } | nu
     };
     const json = text('scene');
     if (json === null) return null;
-    let scene: Scene;
+    let scene: unknown;
     try {
-        scene = JSON.parse(json) as Scene;
+        scene = JSON.parse(json);
     } catch {
         throw Error(DAMAGED);
     }
+    if (!isScene(scene)) throw Error(DAMAGED);
     const data = scene.parts.map((part, i) => ({
         ...part,
         data: decoded(text(`data-${i}`) ?? '', part.bytes),

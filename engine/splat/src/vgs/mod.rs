@@ -22,7 +22,7 @@
 //! A file that ends early is read as far as its layers are whole. The splats are rounded. A set that was read
 //! from such a file states its rounding, and is the same when it is written again.
 
-mod coder;
+pub mod coder;
 mod exceptions;
 mod file;
 mod lattice;

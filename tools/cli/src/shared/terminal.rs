@@ -14,15 +14,20 @@ pub fn stderr_has_colour() -> bool {
     !no && !dumb && io::stderr().is_terminal()
 }
 
-/// Escapes control characters that a file or a path may have brought into a text; line breaks stay.
+/// Escapes control characters that a file or a path may have brought into a text, also those that turn the direction of
+/// writing; line breaks stay.
 pub fn clean(text: &str) -> String {
     text.chars()
         .flat_map(|c| {
             let (keep, escaped) =
-                if c.is_control() && c != '\n' { (None, Some(c.escape_default())) } else { (Some(c), None) };
+                if is_obeyed(c) && c != '\n' { (None, Some(c.escape_default())) } else { (Some(c), None) };
             keep.into_iter().chain(escaped.into_iter().flatten())
         })
         .collect()
+}
+
+fn is_obeyed(c: char) -> bool {
+    c.is_control() || matches!(c, '\u{200e}' | '\u{200f}' | '\u{202a}'..='\u{202e}' | '\u{2066}'..='\u{2069}')
 }
 
 /// Least time between plain lines of progress.

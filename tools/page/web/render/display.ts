@@ -111,6 +111,13 @@ export class Display {
         return this.renderer.pick(view(width / height), width, height, x * scale, y * scale);
     }
 
+    /** V and the object at a place, mm RAS; null where nothing is. */
+    async valueAt(place: Vec3): Promise<Pick | null> {
+        if (!this.#look || this.#lost || this.#suspended) return null;
+        this.#takeLook(false);
+        return this.renderer.valueAt(place);
+    }
+
     /** The finished picture as PNG. */
     async snapshot(): Promise<Blob> {
         while (!this.#isFinished && !this.#lost) await new Promise((done) => setTimeout(done, 20));

@@ -177,23 +177,26 @@ export class Renderer {
 
     /** What lies at a place of a picture of this size, pixels from its upper left corner; null where nothing is. */
     async pick(view: View, width: number, height: number, x: number, y: number): Promise<Pick | null> {
-        const { gl } = this;
         const program = this.#program('pick', { step: 0.25, cell: null, occlusion: false });
         this.#place(program, [view], width, height);
-        program.floats('at', [x, y]);
-        const { texture } = this.#image('picked', gl.TEXTURE_2D, gl.RGBA32UI, [1, 1, 1]);
-        gl.bindFramebuffer(gl.FRAMEBUFFER, this.#framebuffer);
-        gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
-        gl.viewport(0, 0, 1, 1);
-        gl.drawArrays(gl.TRIANGLES, 0, 3);
-        const words = new Uint32Array(4);
-        await read(gl, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words);
-        const [depth, opacity, value, object] = new Float32Array(words.buffer);
+        program.floats('at', [x, y]).floats('given', [0, 0, 0, 0]);
+        const [depth, opacity, value, object] = await this.#met();
         if (!(opacity > MET)) return null;
         const [left, right, upper, lower] = view.tangents;
         const across = left + (x / width) * (right - left), upwards = upper + (y / height) * (lower - upper);
         const toward = add(add(scaled(view.right, across), scaled(view.up, upwards)), view.forward);
         return { place: add(view.eye, scaled(toward, depth)), value, object: Math.round(object) };
+    }
+
+    /** V and the object at a place, mm RAS; null where nothing is. */
+    async valueAt(place: Vec3): Promise<Pick | null> {
+        const program = this.#program('pick', { step: 1, cell: null, occlusion: false });
+        const voxel = moved(this.#voxelFromScene, sub(place, this.origin));
+        const { size } = this.atlas;
+        if (!voxel.every((v, k) => v > -1 && v < size[k])) return null;
+        program.floats('given', [...voxel, 1]);
+        const [, occupancy, value, object] = await this.#met();
+        return occupancy >= 0.5 ? { place, value, object: Math.round(object) } : null;
     }
 
     /**
@@ -214,6 +217,19 @@ export class Renderer {
         gl.bindFramebuffer(gl.FRAMEBUFFER, framebuffer);
         gl.viewport(0, 0, width, height);
         gl.drawArrays(gl.TRIANGLES, 0, 3);
+    }
+
+    /** Draws one texel of the program in use, and reads it. */
+    async #met(): Promise<Float32Array> {
+        const { gl } = this;
+        const { texture } = this.#image('picked', gl.TEXTURE_2D, gl.RGBA32UI, [1, 1, 1]);
+        gl.bindFramebuffer(gl.FRAMEBUFFER, this.#framebuffer);
+        gl.framebufferTexture2D(gl.FRAMEBUFFER, gl.COLOR_ATTACHMENT0, gl.TEXTURE_2D, texture, 0);
+        gl.viewport(0, 0, 1, 1);
+        gl.drawArrays(gl.TRIANGLES, 0, 3);
+        const words = new Uint32Array(4);
+        await read(gl, 1, 1, gl.RGBA_INTEGER, gl.UNSIGNED_INT, words);
+        return new Float32Array(words.buffer);
     }
 
     /** Frees what the GPU holds. */

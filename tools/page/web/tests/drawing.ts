@@ -2,7 +2,7 @@
 import { decode } from '../field/worker.ts';
 import { Renderer } from '../render/renderer.ts';
 import { Display } from '../render/display.ts';
-import type { Atlas, Look, Part, Quality, View } from '../types.ts';
+import type { Atlas, Look, Part, Pick, Quality, View } from '../types.ts';
 
 const canvas = document.createElement('canvas');
 const gl = canvas.getContext('webgl2')!;
@@ -50,7 +50,15 @@ const api = {
         renderer.setLook(look, true);
         return performance.now() - since;
     },
-    pick: (view: View, size: number, x: number, y: number) => renderer.pick(view, size, size, x, y),
+    /** What lies under places of the picture that was drawn last, and what is said of those places themselves. */
+    async read(view: View, size: number, places: [number, number][]): Promise<(Pick | null)[][]> {
+        const read = [];
+        for (const [x, y] of places) {
+            const met = await renderer.pick(view, size, size, x, y);
+            read.push([met, met && await renderer.valueAt(met.place)]);
+        }
+        return read;
+    },
     Display,
 };
 Object.assign(window, { api });

@@ -9,7 +9,7 @@ import { after, before, test } from 'node:test';
 import type { Browser, Page } from 'playwright-core';
 import { PNG } from 'pngjs';
 import { bytesOf } from '../text.ts';
-import type { Look, Material, Scene } from '../types.ts';
+import type { Look, Material, Pick, Scene } from '../types.ts';
 import { viewOf } from '../ui/camera.ts';
 import { harness, launch, missing, open } from './browser.ts';
 
@@ -127,6 +127,26 @@ test('objects with colours, opacities and functions, and a hidden one', { skip }
         { both: ['--tf', 'CT-Bone', '--object', '7:hidden'] },
         { both: ['--tf', 'CT-Bone', '--object', '3:tf=CT-Soft-Tissue'] },
     ]);
+});
+
+test('what is read under a picture is there, also behind translucent layers', { skip }, async () => {
+    const { page, close } = await open(browser, await harness('drawing.ts'));
+    const { scene, parts } = written('binary.vgs', ['--camera', 'anterior', '--tf', 'CT-X-Ray']);
+    // @ts-expect-error: drawing.ts puts it there.
+    await page.evaluate((parts) => api.load(parts), parts);
+    await drawn(page, scene);
+    const place = (i: number) => (i + 0.5) * SIZE / 20;
+    const places = Array.from({ length: 400 }, (_, i) => [place(i % 20), place(Math.floor(i / 20))]);
+    const read = await page.evaluate(([view, size, places]) =>
+        // @ts-expect-error: drawing.ts puts it there.
+        api.read(view, size, places) as (Pick | null)[][], [viewOf(scene.camera, 1), SIZE, places] as const);
+    await close();
+    const met = read.filter(([first]) => first);
+    assert.ok(met.length > 20 && met.length < 400, `${met.length} of 400 places`);
+    for (const [first, there] of met) {
+        assert.ok(there, `nothing at ${first!.place}`);
+        assert.ok(Math.abs(first!.value - there.value) < 2, `${first!.value} and ${there.value}`);
+    }
 });
 
 test('soft masks, and several files', { skip }, async () => {

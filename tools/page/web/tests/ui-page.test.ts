@@ -2,6 +2,8 @@
 // without WebGL2.
 import assert from 'node:assert/strict';
 import { readFileSync } from 'node:fs';
+import { createServer } from 'node:http';
+import type { AddressInfo } from 'node:net';
 import { after, before, test } from 'node:test';
 import type { Browser, Page } from 'playwright-core';
 import { asText, page as template } from '../build.mjs';
@@ -89,8 +91,9 @@ async function visit(
     size: { width: number; height: number },
     touch: boolean,
     act: (page: Page) => Promise<void>,
+    scene = SCENE,
 ) {
-    const { page, trouble, close } = await open(browser, file(), size, touch);
+    const { page, trouble, close } = await open(browser, file(scene), size, touch);
     try {
         await drawn(page);
         await act(page);
@@ -157,6 +160,75 @@ test('the mouse turns, moves and zooms, and changes window and level', { skip: m
         assert.equal(await width.inputValue(), `${Number((800 * Math.exp(0.2)).toPrecision(5))}`);
         await page.keyboard.press('Control+z');
         assert.equal(await width.inputValue(), '800');
+        await page.keyboard.press('Control+y');
+        assert.notEqual(await width.inputValue(), '800');
+    }),
+);
+
+test('what was read goes when the cursor leaves it while it is read', { skip: missing }, () =>
+    visit(SIZE, false, async (page) => {
+        await page.keyboard.press('PageDown');
+        const { width, height } = (await page.locator('#picture').boundingBox())!;
+        const text = () => page.evaluate(() => document.getElementById('reading')!.textContent);
+        const inside = [width / 2 + 5, height / 2 + 80] as const;
+        await page.mouse.move(...inside);
+        await page.waitForFunction(() => /HU/.test(document.getElementById('reading')!.textContent!));
+        for (const wait of [0, 45, 55, 70]) {
+            await page.mouse.move(...inside);
+            await page.waitForTimeout(wait);
+            await page.mouse.move(width - 150, 60);
+            await page.waitForTimeout(1000);
+            assert.equal(await text(), '', `after ${wait} ms`);
+        }
+        await page.keyboard.press('v');
+        const slice = page.locator('.axial .slice');
+        await slice.hover();
+        await page.waitForFunction(() => / mm$/.test(document.getElementById('reading')!.textContent!));
+        await page.mouse.move(width, 20);
+        await page.waitForTimeout(500);
+        assert.equal(await text(), '');
+    }),
+);
+
+test('a telephone held across keeps its picture, and what a finger has read', { skip: missing }, () =>
+    visit({ width: 844, height: 390 }, true, async (page) => {
+        const picture = page.locator('#picture');
+        for (const tab of ['Function', 'Slices', 'More']) {
+            await page.locator('#tabs button', { hasText: tab }).tap();
+            const { width, height } = (await picture.boundingBox())!;
+            assert.ok(width > 400 && height > 270, `${tab}: ${width} × ${height}`);
+        }
+        await page.locator('#tabs button', { hasText: 'More' }).tap();
+        assert.ok(await page.getByLabel('Redo', { exact: true }).isVisible());
+        await page.locator('#picture').focus();
+        await page.keyboard.press('PageDown');
+        const { x, y, width, height } = (await picture.boundingBox())!;
+        const place = { x: x + width / 2 + 4, y: y + height / 2 + 30 };
+        const session = await page.context().newCDPSession(page);
+        const touch = (type: 'touchStart' | 'touchEnd', ...touchPoints: { x: number; y: number }[]) =>
+            session.send('Input.dispatchTouchEvent', { type, touchPoints });
+        await touch('touchStart', place);
+        await page.waitForFunction(() => /HU/.test(document.getElementById('reading')!.textContent!));
+        await touch('touchEnd');
+        await page.waitForTimeout(600);
+        assert.match((await page.locator('#reading').textContent())!, /HU/);
+        await touch('touchStart', { x: x + 100, y: y + 20 });
+        await page.waitForFunction(() => !document.getElementById('reading')!.textContent);
+        await touch('touchEnd');
+    }),
+);
+
+test('a link to a file is what is to be added to its address', { skip: missing }, () =>
+    visit(SIZE, false, async (page) => {
+        await page.evaluate(() => {
+            const copied = (text: string) => ((document.body.dataset.copied = text), Promise.resolve());
+            Object.defineProperty(navigator, 'clipboard', { value: { writeText: copied } });
+        });
+        await drag(page, [60, 30]);
+        await state(page);
+        await page.getByLabel('Copy a link to this view').click();
+        await page.locator('#note', { hasText: 'without the path' }).waitFor();
+        assert.equal(await page.evaluate(() => document.body.dataset.copied), await hash(page));
     }),
 );
 
@@ -221,6 +293,29 @@ test('objects are hidden, shown alone and faded', { skip: missing }, () =>
         assert.deepEqual((await state(page, last)).objects, [[2, { opacity: 0.3 }]]);
     }),
 );
+
+test('objects are searched, and a long name is cut', { skip: missing }, async () => {
+    const name = `\u202e${'very long '.repeat(30)}`;
+    const named = (n: number) => (n === 1 ? name : `object_${n}`);
+    const objects = Array.from({ length: 12 }, (_, i) => ({
+        ...SCENE.objects[0],
+        number: i + 1,
+        name: named(i + 1),
+    }));
+    const search = async (page: Page) => {
+        const field = page.getByLabel('Search objects');
+        await field.fill('nobody');
+        assert.ok(await page.locator('#objects p').isVisible());
+        assert.equal(await page.locator('#objects p').textContent(), 'No object is called so.');
+        await field.press('Escape');
+        assert.ok(await field.evaluate((element) => element !== document.activeElement));
+        await field.fill('long');
+        const row = page.locator('.object .name:visible');
+        assert.deepEqual([await row.count(), await row.getAttribute('title')], [1, name]);
+        assert.ok((await row.boundingBox())!.width < 250);
+    };
+    await visit(SIZE, false, search, { ...SCENE, objects, title: name });
+});
 
 test('a value is read and a distance measured where something is', { skip: missing }, () =>
     visit(SIZE, false, async (page) => {
@@ -334,11 +429,14 @@ for (const [name, size, touch] of [
 }
 
 test('the picture is saved, and ten seconds are measured without a name', { skip: missing }, () =>
-    visit({ width: 500, height: 300 }, false, async (page) => {
+    visit({ width: 520, height: 490 }, false, async (page) => {
+        const save = page.getByLabel('Save the picture');
         const [download] = await Promise.all([
             page.waitForEvent('download'),
-            page.getByLabel('Save the picture').click(),
+            save.evaluate((element: HTMLButtonElement) => (element.click(), element.disabled)).then(assert.ok),
         ]);
+        await page.locator('#note', { hasText: 'The picture is saved' }).waitFor();
+        assert.ok(await save.isEnabled());
         assert.equal(download.suggestedFilename(), 'Two-organs.png');
         const png = readFileSync(await download.path());
         assert.deepEqual([...png.subarray(1, 4)], [...Buffer.from('PNG')]);
@@ -361,15 +459,17 @@ test('the picture is saved, and ten seconds are measured without a name', { skip
 
 test('what is missing or damaged is said', { skip: missing }, async () => {
     const said = async (text: string, before: string, expected: RegExp) => {
-        const { page, close } = await open(browser, text, { width: 400, height: 400 });
+        const { page, trouble, close } = await open(browser, text, { width: 400, height: 400 });
         try {
             if (before) {
                 await page.addInitScript(before);
                 await page.reload();
+                trouble.length = 0;
             }
             await page.locator('#failure').waitFor();
             assert.match((await page.locator('#failure').textContent())!, expected);
             assert.ok(await page.locator('#progress').isHidden());
+            assert.deepEqual(trouble.filter((what) => what.startsWith('error')), []);
         } finally {
             await close();
         }
@@ -381,8 +481,23 @@ test('what is missing or damaged is said', { skip: missing }, async () => {
         /[Gg]et the (file|page) again/,
     );
     await said(html, '', /damaged/);
+    for (const change of [{ camera: {} }, { function: { ...BONE, opacities: 3 } }, { objects: null }])
+        await said(file({ ...SCENE, ...change } as unknown as Scene), '', /data of this page is damaged/);
+    await said(file(), 'WebGL2RenderingContext.prototype.createTexture = null', /Something went wrong.*again/);
     await said(file(), 'HTMLCanvasElement.prototype.getContext = () => null', /no WebGL2.*current Chrome/);
     await said(file(), 'delete window.Worker', /too old.*current Chrome/);
+});
+
+test('a file that was cut off says so after a while', { skip: missing }, async () => {
+    const whole = file();
+    const { page, close } = await open(browser, whole.slice(0, whole.length / 2), SIZE);
+    try {
+        const sentence = page.getByText('the file was cut off on its way');
+        assert.ok(await sentence.isHidden());
+        await sentence.waitFor({ timeout: 20_000 });
+    } finally {
+        await close();
+    }
 });
 
 test('a lost graphics device comes back', { skip: missing }, () =>
@@ -447,5 +562,46 @@ test('a page around this one talks to it', { skip: missing }, async () => {
         await until('error');
     } finally {
         await close();
+    }
+});
+
+test('a page of another origin gets no answer, and one of the same does', { skip: missing }, async () => {
+    const outer = `<!doctype html><meta charset="utf-8"><body><script>window.heard = [];
+        addEventListener('message', (e) => heard.push(e.data));
+        const inner = document.createElement('iframe');
+        const src = new URLSearchParams(location.search).get('page');
+        Object.assign(inner, { width: 600, height: 400, src });
+        document.body.append(inner);
+        const get = () => inner.contentWindow.postMessage({ vgs: 1, type: 'get', id: 1 }, '*');
+        setInterval(get, 200);</script>`;
+    const server = createServer(({ url }, response) => {
+        response.setHeader('Content-Type', 'text/html');
+        response.end(url!.startsWith('/outer') ? outer : file());
+    });
+    await new Promise<void>((done) => server.listen(0, '127.0.0.1', done));
+    const { port } = server.address() as AddressInfo;
+    const context = await browser.newContext({ viewport: SIZE });
+    try {
+        const page = await context.newPage();
+        const heard = () =>
+            page.evaluate(() => {
+                const { heard } = window as unknown as { heard: { type: string }[] };
+                return heard.map(({ type }) => type);
+            });
+        for (const [host, expected] of [
+            ['localhost', false],
+            ['127.0.0.1', true],
+        ] as const) {
+            await page.goto(`http://${host}:${port}/outer?page=http://127.0.0.1:${port}/page`);
+            const progress = page.frameLocator('iframe').locator('#progress');
+            await progress.waitFor({ state: 'hidden', timeout: 60_000 });
+            await page.waitForTimeout(1000);
+            const types = await heard();
+            assert.deepEqual([types.includes('ready'), types.includes('state')], [expected, expected], host);
+            if (!expected) assert.deepEqual(types, []);
+        }
+    } finally {
+        await context.close();
+        server.close();
     }
 });

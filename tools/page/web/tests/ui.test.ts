@@ -22,9 +22,10 @@ import {
     viewOf,
     zoomed,
 } from '../ui/camera.ts';
-import { isCamera, isClip, isFunction, isLight } from '../ui/checks.ts';
+import { isCamera, isClip, isFunction, isLight, isScene } from '../ui/checks.ts';
 import * as curve from '../ui/curve.ts';
 import { quantiles } from '../ui/measure.ts';
+import { newest } from '../ui/newest.ts';
 import { corners, distance } from '../ui/vectors.ts';
 
 // The page's clock is that of a screen.
@@ -314,6 +315,9 @@ test('what is no state changes nothing', async () => {
         { objects: [[1, { opacity: 2 }]] },
         { objects: [[1, { other: 1 }]] },
         { objects: [[1, { function: 5 }]] },
+        { objects: [[1, { constructor: 1 }]] },
+        { function: ['constructor', BONE.material] },
+        { camera: { ...CAMERA, up: [110, 480, 20] } },
         { clip: [{ normal: [0, 0, 2], offset: 1 }] },
         { place: [0, 0] },
         { light: { direction: [0, 0, 0], fixedTo: 'camera', fill: 0 } },
@@ -328,6 +332,53 @@ test('what is from outside is checked', () => {
     assert.ok(isCamera(CAMERA) && isFunction(BONE) && isClip(SCENE.clip) && isLight(SCENE.light));
     assert.ok(!isCamera({ ...CAMERA, up: [0, 0, NaN] }) && !isFunction({ ...BONE, colours: [] }));
     assert.ok(!isClip(Array(9).fill(SCENE.clip[0])) && !isFunction({ ...BONE, opacities: [[0, 1.5]] }));
+});
+
+test('a place out of the scene is its nearest in it', () => {
+    const page = app();
+    assert.ok(takeState(page, { place: [5, -1e6, 1e6] }));
+    assert.deepEqual(page.place, [5, -99, 99]);
+});
+
+test('a scene is checked for what the page needs of it', () => {
+    const scene: Scene = { ...SCENE, parts: [{ kind: 'vgs', bytes: 7, numbers: [[0, 1]] }] };
+    assert.ok(isScene(scene));
+    for (const key of Object.keys(scene)) assert.ok(!isScene({ ...scene, [key]: undefined }), key);
+    const changes = [
+        { camera: { ...CAMERA, up: [110, 480, 20] } },
+        { function: { ...BONE, colours: [[1, 2, null, 3]] } },
+        { function: { ...BONE, opacities: [] } },
+        { objects: [null] },
+        { parts: [] },
+        { parts: [{ kind: 'vgs', bytes: '7', numbers: [] }] },
+    ];
+    for (const change of changes) assert.ok(!isScene({ ...scene, ...change }), JSON.stringify(change));
+});
+
+test('of what is wanted meanwhile the newest is found', async () => {
+    const asked: number[] = [];
+    const told: (number | null)[] = [];
+    const answers: ((found: number) => void)[] = [];
+    const reader = newest(
+        (wanted: number) => {
+            asked.push(wanted);
+            return new Promise<number | null>((done) => answers.push(done));
+        },
+        (found) => told.push(found),
+    );
+    const settled = () => new Promise((done) => setTimeout(done));
+    for (const wanted of [1, 2, 3]) reader.want(wanted);
+    answers[0](10);
+    await settled();
+    assert.deepEqual([asked, told], [[1, 3], [10]]);
+    reader.forget();
+    answers[1](30);
+    await settled();
+    assert.deepEqual([asked, told], [[1, 3], [10]]);
+    reader.want(4);
+    answers[2](40);
+    await settled();
+    assert.deepEqual(told, [10, 40]);
 });
 
 test('quantiles of times', () => {

@@ -1,9 +1,10 @@
 // The state of the page as a part of its address: #s=1… The number is the version; what follows is JSON of
 // what differs from the file, deflated, in the letters of base64url.
-import type { Appearance, TransferFunction } from '../types.ts';
+import type { Appearance, TransferFunction, Vec3 } from '../types.ts';
 import type { App } from './app.ts';
 import * as checks from './checks.ts';
 import { note } from './notices.ts';
+import { clamp } from './vectors.ts';
 
 export const UNREADABLE = 'What the address says of the view cannot be read: it is shown as in the file.';
 const VERSION = '1';
@@ -29,8 +30,9 @@ function written(app: App, tf: TransferFunction): Written {
 
 function read(app: App, raw: unknown): TransferFunction | null {
     if (Array.isArray(raw)) {
-        const preset = app.scene.presets[raw[0]];
-        return preset && checks.isMaterial(raw[1]) ? { ...preset, material: raw[1] } : null;
+        const [index, material] = raw as unknown[];
+        const preset = Number.isSafeInteger(index) ? app.scene.presets[index as number] : undefined;
+        return preset && checks.isMaterial(material) ? { ...preset, material } : null;
     }
     return checks.isFunction(raw) ? raw : null;
 }
@@ -80,7 +82,8 @@ export function takeState(app: App, raw: unknown): boolean {
     if (light) app.setLight(light);
     if (camera) app.setCamera(camera);
     if (place) {
-        app.setPlace(place);
+        const [low, high] = app.extent;
+        app.setPlace(place.map((mm, k) => clamp(mm, low[k], high[k])) as Vec3);
         app.setSlices(true);
     }
     return true;

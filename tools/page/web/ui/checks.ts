@@ -1,5 +1,7 @@
-// What comes from outside, from an address or a page around this one, is looked at before it is taken.
-import type { Appearance, Camera, Light, Material, Plane, TransferFunction, Vec3 } from '../types.ts';
+// What comes from outside, from the file, an address or a page around this one, is looked at before it is
+// taken.
+import { cross, sub, unit } from '../render/vectors.ts';
+import type { Appearance, Camera, Light, Material, Plane, Scene, TransferFunction, Vec3 } from '../types.ts';
 import { distance } from './vectors.ts';
 
 type Raw = Record<string, unknown>;
@@ -52,9 +54,10 @@ export function isCamera(value: unknown): value is Camera {
         isVector(eye) &&
         isVector(target) &&
         isVector(up) &&
-        isNumber(fieldOfView, 1, 150) &&
+        isNumber(fieldOfView, 0.01, 179) &&
         distance(eye, target) > 1e-3 &&
-        Math.hypot(...up) > 1e-6
+        Math.hypot(...up) > 1e-6 &&
+        Math.hypot(...cross(unit(up), unit(sub(eye, target)))) > 1e-4
     );
 }
 
@@ -92,7 +95,60 @@ export function isAppearance(value: unknown): value is Partial<Appearance> {
         opacity: (v) => isNumber(v, 0, 1),
         function: (v) => v === null || isFunction(v),
     };
-    return Object.entries(value).every(([key, v]) => tests[key as keyof Appearance]?.(v) ?? false);
+    return Object.entries(value).every(
+        ([key, v]) => Object.hasOwn(tests, key) && tests[key as keyof Appearance](v),
+    );
+}
+
+const isText = (value: unknown): value is string => typeof value === 'string';
+const isList = (value: unknown, test: (item: unknown) => boolean, least = 0): boolean =>
+    Array.isArray(value) && value.length >= least && value.every(test);
+const isFiniteRow = (length: number) => (value: unknown) =>
+    isList(value, Number.isFinite) && (value as number[]).length === length;
+
+/** A function without which nothing can be shown; what is odd in it is the file's own affair. */
+function isDrawable(value: unknown): boolean {
+    return (
+        isRecord(value) &&
+        isText(value.name) &&
+        isList(value.colours, isFiniteRow(4), 1) &&
+        isList(value.opacities, isFiniteRow(2), 1) &&
+        isList(value.gradientOpacities, isFiniteRow(2)) &&
+        isMaterial(value.material)
+    );
+}
+
+function isPart(value: unknown): boolean {
+    const known = isRecord(value) && (value.kind === 'vgs' || value.kind === 'voxels');
+    return known && Number.isSafeInteger(value.bytes) && isList(value.numbers, isFiniteRow(2));
+}
+
+function isObject(value: unknown): boolean {
+    return (
+        isRecord(value) &&
+        Number.isSafeInteger(value.number) &&
+        isText(value.name) &&
+        typeof value.visible === 'boolean' &&
+        (value.tint === null || isFiniteRow(3)(value.tint)) &&
+        Number.isFinite(value.opacity) &&
+        (value.function === null || isDrawable(value.function))
+    );
+}
+
+/** What the page needs of a scene. */
+export function isScene(value: unknown): value is Scene {
+    return (
+        isRecord(value) &&
+        [value.program, value.title, value.unit].every(isText) &&
+        isList(value.parts, isPart, 1) &&
+        isList(value.objects, isObject) &&
+        isDrawable(value.function) &&
+        isList(value.presets, isDrawable) &&
+        isLight(value.light) &&
+        isClip(value.clip) &&
+        isCamera(value.camera) &&
+        isFiniteRow(3)(value.background)
+    );
 }
 
 export { isColour, isRecord };

@@ -4,6 +4,7 @@ import type { Plane, Vec3 } from '../types.ts';
 import type { App, Box } from './app.ts';
 import { axesOf } from './camera.ts';
 import { button, checkbox, element, slider } from './elements.ts';
+import { coordinate } from './overlay.ts';
 
 /** Where the plane cuts from, and its normal, towards what is kept. */
 const SIDES: [string, Vec3][] = [
@@ -60,7 +61,8 @@ function planePart(app: App, into: HTMLElement): void {
         title: 'Keep the other side',
     });
     const face = button('Face me', () => app.setPlane(facing(app)), { title: 'Across the view' });
-    const controls = element('div', {}, element('div', { class: 'row' }, side, flip, face), depth.row);
+    const where = element('p', { class: 'dim' });
+    const controls = element('div', {}, element('div', { class: 'row' }, side, flip, face), depth.row, where);
     into.append(element('div', {}, on.row), controls);
     const show = () => {
         const { plane } = app;
@@ -71,6 +73,9 @@ function planePart(app: App, into: HTMLElement): void {
         side.value = `${SIDES.findIndex(([, normal]) => dot(normal, plane.normal) > 1 - 1e-9)}`;
         depth.setRange(0, Math.ceil((high - low) * 2) / 2, 0.5);
         depth.set(plane.offset - low);
+        const axis = plane.normal.findIndex((n) => Math.abs(n) > 1 - 1e-9);
+        where.hidden = axis < 0;
+        if (axis >= 0) where.textContent = `At ${coordinate(plane.offset * plane.normal[axis], axis)} mm`;
     };
     app.on('look', show);
     show();

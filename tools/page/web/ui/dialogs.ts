@@ -39,7 +39,7 @@ const KEYS: [string, string][] = [
     ['F', 'show the whole scene'],
     ['R', 'all as in the file'],
     ['V  D  C  X', 'slices, distance, plane, box'],
-    ['Ctrl + Z, Ctrl + Shift + Z', 'undo and redo what changes the look'],
+    ['Ctrl + Z, Ctrl + Y', 'undo and redo what changes the look'],
     ['Page Up, Page Down', 'previous and next transfer function'],
     ['Esc', 'no distance'],
 ];
@@ -93,19 +93,26 @@ function showText(title: string, hint: string, text: string): void {
     shown.querySelector('button.main')?.addEventListener('click', () => area.focus());
 }
 
-async function copy(text: string, otherwise: () => void): Promise<void> {
+async function copy(text: string, otherwise: () => void, said = 'Copied'): Promise<void> {
     try {
         await navigator.clipboard.writeText(text);
-        note('Copied');
+        note(said);
     } catch {
         otherwise();
     }
 }
 
 export async function copyLink(link: string): Promise<void> {
-    await copy(link, () =>
-        showText('Link to this view', 'Copy it; the file must lie where it lies now.', link),
-    );
+    // Where a file lies is nobody's affair, and of no use elsewhere.
+    const isFile = location.protocol === 'file:';
+    const text = isFile ? `#${link.split('#')[1] ?? ''}` : link;
+    const hint = isFile
+        ? 'Copy it, and add it to the address of the page, wherever it is opened.'
+        : 'Copy it; the file must lie where it lies now.';
+    const said = isFile
+        ? 'Copied without the path of the file: add it to the address of the page, wherever it is opened.'
+        : 'Copied';
+    await copy(text, () => showText('Link to this view', hint, text), said);
 }
 
 /** Measures, and shows the report. */

@@ -8,6 +8,7 @@ import { about, from, panned, rolled, SIDES, turned, zoomed } from './camera.ts'
 import { facing } from './cutting.ts';
 import { byId } from './elements.ts';
 import { dragLight } from './light.ts';
+import { newest } from './newest.ts';
 import { note, say } from './notices.ts';
 import { told } from './overlay.ts';
 import { stepPreset } from './presets.ts';
@@ -46,7 +47,14 @@ class Navigation {
     /** A finger reads what lies under it. */
     #reads = false;
     #resting: ReturnType<typeof setTimeout> | undefined;
-    #picking = false;
+    /** What lies at a place of the picture; `place`: the slices go there, too. */
+    readonly #reader = newest(
+        ({ x, y }: Finger & { place: boolean }) => this.#app.pick(x, y),
+        (found, { place }) => {
+            this.#app.setReading(found, place);
+            if (found && place) this.#app.setPlace(found.place);
+        },
+    );
 
     constructor(app: App, keys: Record<string, () => void>) {
         this.#app = app;
@@ -56,7 +64,7 @@ class Navigation {
         canvas.addEventListener('pointermove', this.#move);
         canvas.addEventListener('pointerup', this.#release);
         canvas.addEventListener('pointercancel', this.#cancel);
-        canvas.addEventListener('pointerleave', () => this.#unread());
+        canvas.addEventListener('pointerleave', this.#leave);
         canvas.addEventListener('contextmenu', (e) => e.preventDefault());
         canvas.addEventListener('wheel', this.#wheel, { passive: false });
         document.addEventListener('keydown', (e) => this.#key(e, keys));
@@ -83,11 +91,11 @@ class Navigation {
         ];
         this.#mode = buttons[e.button] ?? 'turn';
         if (e.pointerType === 'mouse') return;
-        this.#app.setReading(null);
+        this.#unread();
         if (this.#fingers.size > 1) return;
         this.#long = setTimeout(() => {
             this.#reads = true;
-            this.#read(x, y, true);
+            this.#reader.want({ x, y, place: true });
         }, LONG);
     };
 
@@ -96,7 +104,8 @@ class Navigation {
         const before = this.#fingers.get(e.pointerId);
         if (!before) {
             clearTimeout(this.#resting);
-            if (e.pointerType === 'mouse') this.#resting = setTimeout(() => this.#read(x, y), REST);
+            const read = () => this.#reader.want({ x, y, place: false });
+            if (e.pointerType === 'mouse') this.#resting = setTimeout(read, REST);
             return;
         }
         const [dx, dy] = [x - before.x, y - before.y];
@@ -104,7 +113,7 @@ class Navigation {
         this.#moved += Math.hypot(dx, dy);
         if (this.#moved > STILL) clearTimeout(this.#long);
         this.#fingers.set(e.pointerId, { x, y });
-        if (this.#reads) this.#read(x, y, true);
+        if (this.#reads) this.#reader.want({ x, y, place: true });
         else if (this.#fingers.size > 1) this.#pinch(e.pointerId, before);
         else if (this.#moved > STILL || e.pointerType === 'mouse') this.#drag(dx, dy);
     };
@@ -180,19 +189,15 @@ class Navigation {
         if (app.length !== null) say(`Distance ${app.length.toFixed(1)} mm`);
     }
 
-    /** Reads what lies at a place of the picture; one reading at a time. */
-    async #read(x: number, y: number, place = false): Promise<void> {
-        if (this.#picking) return;
-        this.#picking = true;
-        const found = await this.#app.pick(x, y).catch(() => null);
-        this.#picking = false;
-        this.#app.setReading(found, place);
-        if (found && place) this.#app.setPlace(found.place);
-    }
+    /** What a finger has read stays when it is lifted. */
+    #leave = (e: PointerEvent): void => {
+        if (e.pointerType === 'mouse' && this.#fingers.size === 0) this.#unread();
+    };
 
     #unread(): void {
         clearTimeout(this.#resting);
-        if (this.#fingers.size === 0) this.#app.setReading(null);
+        this.#reader.forget();
+        this.#app.setReading(null);
     }
 
     #wheel = (e: WheelEvent): void => {
@@ -208,9 +213,10 @@ class Navigation {
         const typing = target.matches('input:not([type=checkbox]), select, textarea');
         const app = this.#app;
         const free = !typing && !e.altKey && !document.querySelector('dialog[open]');
-        if (free && (e.ctrlKey || e.metaKey) && e.key.toLowerCase() === 'z') {
+        const letter = e.key.toLowerCase();
+        if (free && (e.ctrlKey || e.metaKey) && (letter === 'z' || letter === 'y')) {
             e.preventDefault();
-            if (e.shiftKey) app.redo();
+            if (e.shiftKey || letter === 'y') app.redo();
             else app.undo();
         }
         if (!free || e.ctrlKey || e.metaKey) return;

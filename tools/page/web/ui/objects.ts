@@ -8,6 +8,7 @@ import { say } from './notices.ts';
 
 /** Number of objects from which on there is a search. */
 const MANY = 10;
+const NONE = 'No object is called so.';
 
 /** Shows one object and no other, or all again if it is the only one. */
 function only(app: App, number: number): void {
@@ -115,6 +116,7 @@ function objectRow(app: App, object: SceneObject): { row: HTMLElement; update: (
 export function objectsPanel(app: App, into: HTMLElement): void {
     const { objects } = app.scene;
     const made = objects.map((object) => objectRow(app, object));
+    const none = element('p', { class: 'dim', hidden: true }, NONE);
     const list = element('ul', { class: 'objects', 'aria-label': 'Objects' }, ...made.map(({ row }) => row));
     const search: HTMLInputElement = element('input', {
         type: 'search',
@@ -126,7 +128,12 @@ export function objectsPanel(app: App, into: HTMLElement): void {
                 const name = objects[i].name.toLowerCase().replaceAll('_', ' ');
                 row.hidden = !words.every((word) => name.includes(word));
             });
-            say(`${made.filter(({ row }) => !row.hidden).length} objects`);
+            const left = made.filter(({ row }) => !row.hidden).length;
+            none.hidden = left > 0;
+            say(left ? `${left} object${left === 1 ? '' : 's'}` : NONE);
+        },
+        keydown: (e: KeyboardEvent) => {
+            if (e.key === 'Escape') search.blur();
         },
     });
     const found = () => new Set(objects.filter((_, i) => !made[i].row.hidden).map((o) => o.number));
@@ -147,7 +154,7 @@ export function objectsPanel(app: App, into: HTMLElement): void {
             ),
         );
     }
-    into.append(list);
+    into.append(list, none);
     const update = () => made.forEach((object) => object.update());
     app.on('look', oncePerFrame(update));
     update();

@@ -23,6 +23,8 @@ const [HALF, AWAY] = [19, 46];
 const EDGE = 0.02;
 /** Share of the picture's width that the scale may take. */
 const SCALE = 0.22;
+/** Most letters of a name in a line. */
+const LONGEST = 40;
 
 /** A value with the unit of the scene. */
 export const valued = (app: App, value: number): string =>
@@ -30,20 +32,25 @@ export const valued = (app: App, value: number): string =>
         ? `${value.toFixed(0).replace('-', '−')} HU`
         : Number(value.toPrecision(4)).toString().replace('-', '−');
 
+/** A coordinate along an axis of RAS, mm, by the end of the body to which it goes. */
+export const coordinate = (mm: number, axis: number): string =>
+    `${['RL', 'AP', 'HF'][axis][mm < 0 ? 1 : 0]} ${Math.abs(mm).toFixed(1)}`;
+
 /** A place in the patient's own terms. */
-export function placed(place: Vec3): string {
-    const letters = ['RL', 'AP', 'HF'];
-    return (
-        place.map((mm, k) => `${letters[k][mm < 0 ? 1 : 0]} ${Math.abs(mm).toFixed(1)}`).join('  ') + ' mm'
-    );
+export const placed = (place: Vec3): string => `${place.map(coordinate).join('  ')} mm`;
+
+/** A name of the file within a line: short enough, and isolated from the direction of the line. */
+function inLine(name: string): string {
+    const letters = [...name.replace(/[\s_]+/g, ' ')];
+    const short = letters.length > LONGEST ? [...letters.slice(0, LONGEST - 1), '…'] : letters;
+    return `\u2068${short.join('')}\u2069`;
 }
 
 /** What has been read at a place, in words. */
 export function told(app: App, { value, place, object }: Pick): string {
     const { objects } = app.scene;
-    const name =
-        objects.length > 1 ? objects.find((o) => o.number === object)?.name.replaceAll('_', ' ') : undefined;
-    return [valued(app, value), ...(name ? [name] : []), placed(place)].join('  ·  ');
+    const name = objects.length > 1 ? objects.find((o) => o.number === object)?.name : undefined;
+    return [valued(app, value), ...(name ? [inLine(name)] : []), placed(place)].join('  ·  ');
 }
 
 export function overlay(app: App): void {

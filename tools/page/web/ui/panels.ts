@@ -21,8 +21,8 @@ const MODES: [Mode, string][] = [
     ['light', 'Move the light'],
     ['distance', 'Measure a distance'],
 ];
-/** Where there is room for one panel at a time, below the picture (page.css). */
-const NARROW = '(max-width: 720px) and (orientation: portrait), (max-width: 480px)';
+/** Where there is room for one panel at a time, below the picture or beside it (page.css). */
+const NARROW = '(max-width: 720px) and (orientation: portrait), (max-width: 480px), (max-height: 480px)';
 
 /** Fills the page, and returns what keys do besides those of the picture. */
 export function panels(app: App, start: Start): Record<string, () => void> {
@@ -44,7 +44,12 @@ export function panels(app: App, start: Start): Record<string, () => void> {
     lightPanel(app, tf);
     objectsPanel(app, section('objects', 'objects', 'Objects', app.scene.objects.length > 1));
     cuttingPanel(app, section('cut', 'cutting', 'Cutting', !!app.plane || !!app.box));
-    const save = () => void savePicture(app);
+    const save = async () => {
+        const buttons = document.querySelectorAll<HTMLButtonElement>('.save');
+        buttons.forEach((button) => (button.disabled = true));
+        await savePicture(app);
+        buttons.forEach((button) => (button.disabled = false));
+    };
     const link = () => void address(app).then(copyLink);
     const keep = () => {
         app.reset();
@@ -63,7 +68,7 @@ export function panels(app: App, start: Start): Record<string, () => void> {
         element(
             'div',
             { class: 'row wrap' },
-            button('Save picture', save),
+            button('Save picture', save, { class: 'save' }),
             button('Copy link', link),
             button('Reset', keep),
             button('Measure', () => void showMeasure(app, start), {
@@ -101,7 +106,7 @@ function tools(app: App): void {
     show();
 }
 
-function header(app: App, save: () => void, link: () => void, keep: () => void): void {
+function header(app: App, save: () => Promise<void>, link: () => void, keep: () => void): void {
     const full = iconButton(
         'full',
         'Full screen',
@@ -125,7 +130,7 @@ function header(app: App, save: () => void, link: () => void, keep: () => void):
         { ...wide, 'aria-pressed': 'true' },
     );
     const undo = iconButton('undo', 'Undo', () => app.undo());
-    const redo = iconButton('redo', 'Redo', () => app.redo(), wide);
+    const redo = iconButton('redo', 'Redo', () => app.redo());
     const show = () => {
         undo.disabled = !app.canUndo;
         redo.disabled = !app.canRedo;
@@ -137,7 +142,7 @@ function header(app: App, save: () => void, link: () => void, keep: () => void):
         redo,
         iconButton('reset', 'Reset: all as in the file', keep, wide),
         iconButton('link', 'Copy a link to this view', link, wide),
-        iconButton('save', 'Save the picture', save, wide),
+        iconButton('save', 'Save the picture', save, { class: 'bare wide save' }),
         iconButton('help', 'Mouse, touch and keys', showKeys, wide),
         full,
         panel,
@@ -188,16 +193,27 @@ function tabs(app: App): void {
 
 function reading(app: App): void {
     const line = byId('reading');
-    app.on('reading', () => (line.textContent = app.reading ? told(app, app.reading) : ''));
+    app.on('reading', () => {
+        line.textContent = line.title = app.reading ? told(app, app.reading) : '';
+    });
 }
 
 async function savePicture(app: App): Promise<void> {
+    const { display } = app;
+    const { onprogress } = display;
+    display.onprogress = (share) => {
+        onprogress?.(share);
+        if (share < 1) note(`The picture is saved when it is finished (${Math.floor(100 * share)} %)`);
+    };
     try {
-        const url = URL.createObjectURL(await app.display.snapshot());
+        const url = URL.createObjectURL(await display.snapshot());
         const name = app.scene.title.replace(/[^\p{L}\p{N}]+/gu, '-').replace(/^-|-$/g, '') || 'picture';
         element('a', { href: url, download: `${name}.png` }).click();
         setTimeout(() => URL.revokeObjectURL(url), 10_000);
+        note('The picture is saved');
     } catch (error) {
         note(`The picture could not be saved: ${(error as Error).message}`);
+    } finally {
+        display.onprogress = onprogress;
     }
 }

@@ -2,6 +2,7 @@
 import type { App } from './app.ts';
 import type { Vec3 } from '../types.ts';
 import { element, numberField, oncePerFrame, slider, write } from './elements.ts';
+import { newest } from './newest.ts';
 import { clamp, sum } from './vectors.ts';
 
 type Axis = 0 | 1 | 2;
@@ -86,15 +87,21 @@ function figure(
         app.setPlace(to);
     };
     let dragged: PointerEvent | null = null;
-    const point = (e: PointerEvent) => {
+    const under = (e: PointerEvent): Vec3 => {
         const { left, top, width, height } = frame.getBoundingClientRect();
         const { from, across: x, down: y } = app.display.plane(axis, app.place[axis]);
-        app.setPlace(
-            sum(
-                [from, x, y],
-                [1, clamp((e.clientX - left) / width, 0, 1), clamp((e.clientY - top) / height, 0, 1)],
-            ),
+        return sum(
+            [from, x, y],
+            [1, clamp((e.clientX - left) / width, 0, 1), clamp((e.clientY - top) / height, 0, 1)],
         );
+    };
+    const reader = newest(
+        (place: Vec3) => app.display.valueAt(place),
+        (found) => app.setReading(found),
+    );
+    const point = (e: PointerEvent) => {
+        app.setPlace(under(e));
+        reader.want(app.place);
     };
     frame.addEventListener('pointerdown', (e) => {
         frame.setPointerCapture(e.pointerId);
@@ -102,7 +109,10 @@ function figure(
         if (e.button === 0) point(e);
     });
     frame.addEventListener('pointermove', (e) => {
-        if (!dragged) return;
+        if (!dragged) {
+            reader.want(under(e));
+            return;
+        }
         if (e.buttons & 2) {
             const [level, half] = [(window[0] + window[1]) / 2, (window[1] - window[0]) / 2];
             const l = level - (2 * half * (e.clientY - dragged.clientY)) / PER_E;
@@ -113,6 +123,13 @@ function figure(
         dragged = e;
     });
     frame.addEventListener('pointerup', () => (dragged = null));
+    frame.addEventListener('pointercancel', () => (dragged = null));
+    // What a finger has read stays when it is lifted.
+    frame.addEventListener('pointerleave', (e) => {
+        if (e.pointerType !== 'mouse') return;
+        reader.forget();
+        app.setReading(null);
+    });
     frame.addEventListener('contextmenu', (e) => e.preventDefault());
     frame.addEventListener(
         'wheel',

@@ -175,7 +175,8 @@ fn tell(
         few if few <= NAMED => names.join(", "),
         many => format!("{many} objects"),
     };
-    console.say(&format!("its title is {:?}, and it names {named}", scene.title));
+    let another = if arguments.page.title.is_none() { " (--title gives it another)" } else { "" };
+    console.say(&format!("its title is {:?}{another}, and it names {named}", scene.title));
     let hides = !scene.clip.is_empty() || scene.objects.iter().any(|object| !object.visible);
     let too = if hides { ", with what is hidden or cut away (--object and --box leave out)" } else { "" };
     console.say(&format!(

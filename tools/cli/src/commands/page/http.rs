@@ -90,6 +90,9 @@ pub fn head(answer: Answer, page_bytes: usize) -> String {
         ("Referrer-Policy", "no-referrer"),
         ("Cross-Origin-Resource-Policy", "same-origin"),
         ("Cross-Origin-Opener-Policy", "same-origin"),
+        // Pages of other sites must not show it within theirs, where they could watch it.
+        ("Content-Security-Policy", "frame-ancestors 'none'"),
+        ("X-Frame-Options", "DENY"),
         ("Connection", "close"),
     ];
     for (name, value) in fields {
@@ -159,6 +162,8 @@ mod tests {
             "Content-Length: 77",
             "X-Content-Type-Options: nosniff",
             "Cache-Control: no-store",
+            "Content-Security-Policy: frame-ancestors 'none'",
+            "X-Frame-Options: DENY",
         ] {
             assert!(whole.contains(&format!("{line}\r\n")), "{line}: {whole}");
         }

@@ -13,10 +13,12 @@ use super::tls::Tls;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::bytes;
+use crate::shared::terminal::clean;
 
 /// Runs the command.
 pub fn run(arguments: &PageArguments, console: &Console) -> std::result::Result<u8, Stop> {
     let (page, html) = Page::read(&arguments.page)?;
+    page.check().map_err(|error| error.file(&arguments.page))?;
     if !arguments.serve {
         tell(arguments, console, &page, &html)?;
         return Ok(0);
@@ -108,5 +110,5 @@ fn tell(arguments: &PageArguments, console: &Console, page: &Page, html: &str) -
         let hidden = if object.visible { "" } else { ", hidden" };
         let _ = writeln!(out, "{:<20}{}{hidden}", format!("object {}", object.number), object.name);
     }
-    console.data(&out)
+    console.data(&clean(&out))
 }
