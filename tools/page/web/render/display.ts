@@ -32,6 +32,8 @@ export class Display {
     onprogress: ((share: number) => void) | null = null;
     /** The context of the GPU was lost, or is there again. */
     onlost: ((lost: boolean) => void) | null = null;
+    /** A view is shown that was not shown before; what lies over the picture goes along. */
+    onview: (() => void) | null = null;
     /** After each frame that was drawn while something moved. */
     onframe: (() => void) | null = null;
     readonly #levels = new Levels(FRAME);
@@ -271,6 +273,7 @@ export class Display {
         this.renderer.draw([{ view, port: { x: 0, y: 0, width: w, height: h } }], framebuffer, quality);
         this.#drafted = [w, h];
         this.#show('draft', w, h);
+        this.onview?.();
         this.#fly(since, 0);
         this.onprogress?.(0);
     }

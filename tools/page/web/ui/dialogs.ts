@@ -132,7 +132,7 @@ export async function showMeasure(app: App, start: Start): Promise<void> {
     running.classList.add('aside');
     running.addEventListener('close', () => stop.abort());
     try {
-        const report = await measure(app, start, (share) => (bar.value = share), stop.signal);
+        const report = await measure(app, start, (share) => (bar.value = Math.floor(share * 20) / 20), stop.signal);
         if (stop.signal.aborted) return;
         running.close();
         const hint = 'It says how fast this device draws the scene, and nothing of what the scene is.';

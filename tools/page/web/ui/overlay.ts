@@ -68,8 +68,9 @@ export function overlay(app: App): void {
         );
     };
     const ask = oncePerFrame(draw);
-    for (const change of ['camera', 'look', 'distance', 'place', 'reading', 'panels'] as const)
-        app.on(change, ask);
+    for (const change of ['look', 'distance', 'place', 'reading', 'panels'] as const) app.on(change, ask);
+    // Not before the picture of the camera is there: what is drawn over it fits it, and nothing is drawn in vain.
+    app.display.onview = draw;
     new ResizeObserver(ask).observe(app.display.canvas);
     ask();
 }
