@@ -58,7 +58,7 @@ export async function measure(
             show(app, { ...look, function: change(app.scene.function), clip: [], objects: plain(app) });
             looks.push({ look: name, ...(await turn(app, first, i, said, signal)) });
         }
-        app.setLook({ function: lit(app.scene.function, true), clip: [], objects: plain(app) });
+        show(app, { ...look, function: lit(app.scene.function, true), clip: [], objects: plain(app) });
         const finished = await rest(app, signal);
         const { device } = display.stats;
         const { width, height } = display.canvas;
