@@ -40,7 +40,7 @@ pub struct Scene {
 pub enum PartKind {
     /// A file of splats, `.vgs`.
     Vgs,
-    /// A decoded field ([`crate::voxels`]).
+    /// A decoded field (`src/voxels.rs`).
     Voxels,
 }
 
