@@ -1,7 +1,6 @@
 // Makes docs/results/data/page.csv: node figures.ts NAME=SPLATS,VOLUME… with files of splats fitted for the grid of a volume.
 // For each: bytes; how V and the mask that the page decodes differ from `vgs rasterize`; likeness of its pictures to those of
 // `vgs render`; and times in a browser with a software driver. VGS_PAGE, VGS_PROGRAM and VGS_RUNNER as for the tests.
-import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { availableParallelism, tmpdir } from 'node:os';
 import { join } from 'node:path';
@@ -12,8 +11,8 @@ import { decodeSplats } from './field/decode.ts';
 import { readVgs } from './field/vgs.ts';
 import { voxel } from './tests/field.ts';
 import { harness, launch, open } from './tests/browser.ts';
-import { bytesOf } from './text.ts';
-import type { Look, Scene } from './types.ts';
+import { contentOf, likeness, vgs } from './tests/program.ts';
+import type { Look } from './types.ts';
 import { viewOf } from './ui/camera.ts';
 
 const FUNCTIONS = ['CT-Bone', 'CT-Bones-Steep', 'CT-Soft-Tissue'];
@@ -21,11 +20,6 @@ const FUNCTIONS = ['CT-Bone', 'CT-Bones-Steep', 'CT-Soft-Tissue'];
 const SIZE = 512;
 const QUALITY = { step: 0.25, cell: null, occlusion: true };
 const scratch = mkdtempSync(join(tmpdir(), 'vgs-figures-'));
-
-function vgs(...flags: string[]): void {
-    const [first, ...rest] = [process.env['VGS_RUNNER'], process.env['VGS_PROGRAM'], ...flags].filter((v) => v) as string[];
-    execFileSync(first, rest, { stdio: ['ignore', 'ignore', 'inherit'] });
-}
 
 /** Voxels of a NIfTI file of 32-bit floats, x fastest. */
 function nifti(file: string): Float32Array {
@@ -69,16 +63,9 @@ async function likenesses(browser: Browser, splats: string): Promise<number[]> {
     const camera = ['--camera', 'anterior-left-superior'];
     for (const tf of FUNCTIONS) {
         vgs('convert', splats, '-o', file, '-f', '-q', '--tf', tf, ...camera);
-        const html = readFileSync(file, 'utf8');
-        const element = (id: string) => new RegExp(`id="${id}">([^<]*)<`).exec(html)![1];
-        const scene: Scene = JSON.parse(element('scene'));
-        if (found.length === 0) {
-            const parts = scene.parts.map((part, i) => ({
-                ...part, text: Buffer.from(bytesOf(element(`data-${i}`), part.bytes)).toString('base64'),
-            }));
-            // @ts-expect-error: drawing.ts puts it there.
-            await page.evaluate((parts) => api.load(parts), parts);
-        }
+        const { scene, parts } = contentOf(file);
+        // @ts-expect-error: drawing.ts puts it there.
+        if (found.length === 0) await page.evaluate((parts) => api.load(parts), parts);
         for (const shade of [true, false]) {
             const { light, clip, background } = scene, { material } = scene.function;
             const look = { function: { ...scene.function, material: { ...material, shade } }, light, clip, background };
@@ -87,11 +74,10 @@ async function likenesses(browser: Browser, splats: string): Promise<number[]> {
                 api.picture(view, look, [], quality, size, size) as { text: string },
             [viewOf(scene.camera, 1), look as unknown as Look, QUALITY, SIZE] as const);
             const quality = ['--mode', 'decoded', '--step', '0.25', '--size', `${SIZE}x${SIZE}`];
-            vgs('render', splats, '-o', picture, '-f', '-q', '--tf', tf, ...camera, ...quality, '--shade', shade ? 'on' : 'off');
+            const shown = ['--tf', tf, '--shade', shade ? 'on' : 'off', ...camera, ...quality];
+            vgs('render', splats, '-o', picture, '-f', '-q', ...shown);
             const ours = Buffer.from(text, 'base64'), theirs = PNG.sync.read(readFileSync(picture)).data;
-            let sum = 0;
-            for (let i = 0; i < ours.length; i++) if (i % 4 < 3) sum += (ours[i] - theirs[i]) ** 2;
-            found.push(10 * Math.log10((255 ** 2 * 0.75 * ours.length) / sum));
+            found.push(likeness(ours, theirs));
         }
     }
     await close();

@@ -1,19 +1,17 @@
 // Pictures of pages beside those of `vgs render`: every preset, lit and unlit, objects, planes, occlusion and gradient
 // opacity, each through a page that `vgs convert` has written. VGS_PROGRAM names the program, VGS_RUNNER what starts it.
 import assert from 'node:assert/strict';
-import { execFileSync } from 'node:child_process';
 import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
 import { join } from 'node:path';
 import { after, before, test } from 'node:test';
 import type { Browser, Page } from 'playwright-core';
 import { PNG } from 'pngjs';
-import { bytesOf } from '../text.ts';
 import type { Look, Material, Pick, Scene } from '../types.ts';
 import { viewOf } from '../ui/camera.ts';
 import { harness, launch, missing, open } from './browser.ts';
+import { contentOf, likeness, program, vgs } from './program.ts';
 
-const program = process.env['VGS_PROGRAM'];
 const skip = missing || (program ? false : 'VGS_PROGRAM names no program');
 const fixtures = new URL('./fixtures/', import.meta.url).pathname;
 /** Width and height of the pictures, pixels. */
@@ -31,23 +29,11 @@ after(async () => {
     rmSync(scratch, { recursive: true });
 });
 
-function vgs(...flags: string[]): void {
-    const runner = process.env['VGS_RUNNER'];
-    const [first, ...rest] = runner ? [runner, program!, ...flags] : [program!, ...flags];
-    execFileSync(first, rest, { stdio: ['ignore', 'ignore', 'inherit'] });
-}
-
 /** The scene and the data of a page that `vgs convert` writes. */
 function written(name: string, flags: string[]): { scene: Scene; parts: object[] } {
     const file = join(scratch, 'page.html');
     vgs('convert', ...name.split(' ').map((part) => join(fixtures, part)), '-o', file, '--force', '-q', ...flags);
-    const html = readFileSync(file, 'utf8');
-    const element = (id: string) => new RegExp(`id="${id}">([^<]*)<`).exec(html)![1];
-    const scene: Scene = JSON.parse(element('scene'));
-    const parts = scene.parts.map((part, i) => ({
-        ...part, text: Buffer.from(bytesOf(element(`data-${i}`), part.bytes)).toString('base64'),
-    }));
-    return { scene, parts };
+    return contentOf(file);
 }
 
 /** The picture of `vgs render`, RGBA, rows from the top. */
@@ -57,13 +43,6 @@ function rendered(name: string, flags: string[]): Buffer {
     const quality = ['--mode', 'decoded', '--size', `${SIZE}x${SIZE}`, '--step', '0.25'];
     vgs('render', ...files, '-o', file, '--force', '-q', ...quality, ...flags);
     return PNG.sync.read(readFileSync(file)).data;
-}
-
-/** Likeness of two pictures, dB. */
-function likeness(a: Buffer, b: Buffer): number {
-    let sum = 0;
-    for (let i = 0; i < a.length; i++) if (i % 4 < 3) sum += (a[i] - b[i]) ** 2;
-    return 10 * Math.log10((255 ** 2 * a.length * 0.75) / Math.max(sum, 1));
 }
 
 /** How many pixels are not as dark as the background. */
