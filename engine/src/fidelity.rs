@@ -62,6 +62,9 @@ pub fn evaluate_decoded(
     protocol: &Protocol,
 ) -> Result<Evaluation> {
     let decoded = decode(gpu, set, 1.0)?;
+    // What is shown beyond a region is continued from inside of it, of a scan as well.
+    let own = (set.region.is_some() && !roi.soft).then(|| volume.of_region_alone(roi));
+    let volume = own.as_ref().unwrap_or(volume);
     Ok(evaluate_field(decoded.in_voxels_of(volume, set.origin_mm), volume, roi, protocol))
 }
 

@@ -5,7 +5,7 @@ use std::time::Instant;
 
 use engine::fit::{FitConfig, Profile};
 use engine::image::{Image, psnr};
-use engine::render::{Camera, Look, Renderer, Scene, Settings, VolumeSource, mode};
+use engine::render::{Camera, DecodeOptions, Look, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Form, Grid, SplatSet};
 use engine::transfer::preset;
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
@@ -36,7 +36,7 @@ fn bones_are_as_near_to_the_ct_as_slabs_of_them() {
         Grid { size: case.volume.size.map(|n| n as u32), world_from_voxel: case.volume.world_from_voxel };
     let set =
         SplatSet { grid: Some(grid), ..SplatSet::from_voxel(&splats, &case.volume.world_from_voxel, field) };
-    let samples = SplatSet { form: Form::Grid { binary: false }, ..set.clone() };
+    let samples = SplatSet { form: Form::Grid, ..set.clone() };
     let source = VolumeSource { volume: &case.volume, roi: Some(&case.roi) };
     for name in ["CT-Bones-Steep", "CT-Soft-Tissue"] {
         let mut transfer = preset(name).expect("a preset").over([-1024.0, 3071.0]);
@@ -50,7 +50,8 @@ fn bones_are_as_near_to_the_ct_as_slabs_of_them() {
         let cameras = ["anterior", "anterior-left"]
             .map(|side| Camera::from_side(side, centre, radius, 30.0, 1.0).expect("a camera"));
         let shots = |mode_name: &str, scene: &Scene, step: f64, pitch: f64| -> (Vec<Image>, f64, f64) {
-            let settings = Settings { precise: true, step, pitch, ..Settings::new(SIZE) };
+            let decoding = DecodeOptions { pitch, ..DecodeOptions::default() };
+            let settings = Settings { precise: true, step, decoding, ..Settings::new(SIZE) };
             let start = Instant::now();
             let mut renderer =
                 Renderer::new(&gpu, mode(mode_name).expect("a mode"), scene, &settings).expect("a renderer");

@@ -2,7 +2,7 @@
 
 use engine::fidelity::{ShownError, diverging, evaluate_decoded};
 use engine::fit::evaluate::Protocol;
-use engine::render::{Camera, Scene, Settings, decode, mode};
+use engine::render::{Camera, DecodeOptions, Scene, Settings, decode, mode};
 use engine::splat::{Form, Grid, Kernel, SplatSet};
 use engine::volume::Roi;
 use glam::{DAffine3, DVec3};
@@ -15,7 +15,7 @@ fn of_grid() -> SplatSet {
     let affine =
         DAffine3::from_translation(splats.origin_mm - 50.0) * DAffine3::from_scale(DVec3::splat(2.0));
     let grid = Grid { size: [50; 3], world_from_voxel: affine };
-    SplatSet { form: Form::Grid { binary: false }, grid: Some(grid), ..splats }
+    SplatSet { form: Form::Grid, grid: Some(grid), ..splats }
 }
 
 /// A volume that is 30 HU lower than what is shown at the patient's left, and 10 HU higher at the right.
@@ -73,8 +73,10 @@ fn an_error_that_is_known_is_found_and_seen() {
         .expect("a scene");
     let (classes, origin) = (found.clone(), scene.origin);
     let on_device = scene.splats.as_ref().expect("splats");
-    on_device.decoding_objects(&gpu, 1.0, move |at| classes.class(at + origin)).expect("a job")(&mut |_| ())
-        .expect("decoded");
+    on_device
+        .decoding_objects(&gpu, DecodeOptions::default(), move |at| classes.class(at + origin))
+        .expect("a job")(&mut |_| ())
+    .expect("decoded");
     let [low, high] = scene.bounds();
     let camera =
         Camera::from_side("anterior", (low + high) * 0.5, 40.0, 30.0, 72.0 / 56.0).expect("a camera");

@@ -359,7 +359,7 @@ fn nothing_vanishes_on_the_way_down() {
     let settings = Settings::new([200, 160]);
     for kind in SplatKind::ALL {
         // Mode alpha shows these as it shows coloured ones, and they can be told apart.
-        let form = if kind == SplatKind::Grid { Form::Grid { binary: true } } else { Form::Field };
+        let form = if kind == SplatKind::Grid { Form::Grid } else { Form::Field };
         let tinted = |(i, &tint): (usize, &[f32; 3])| {
             (i as u8 + 1, Appearance { tint: Some(tint), ..Appearance::default() })
         };

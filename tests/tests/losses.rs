@@ -1,6 +1,6 @@
 //! The paper's losses: extremes, which no scene has, and fits that follow the mask.
 
-use engine::fit::{FitConfig, Progress};
+use engine::fit::{FitConfig, FitForm, Progress};
 use engine::gpu::{Gpu, GpuOptions};
 use engine::passes::loss::{ChunkSamples, DICE, LEAK, Sum, Weighted};
 use engine::passes::{Losses, Storage};
@@ -93,6 +93,7 @@ fn case(iterations: u32, [mse, mask, leak, occupancy]: [f32; 4]) -> Case {
         mask_weight: mask,
         leak_weight: leak,
         occupancy_weight: occupancy,
+        form: FitForm::Field,
         offsets: 1,
         ..case.config
     };
@@ -175,7 +176,8 @@ fn nothing_outside_means_no_leak() {
         shell: 0,
         mask_weight: 1.0,
         leak_weight: 1.0,
-        occupancy_weight: 0.0,
+        hold_weight: 0.0,
+        rim_weight: 0.0,
         ..FitConfig::default()
     };
     let (splats, progress) = progress(&Case { volume, roi, config }, &gpu);

@@ -2,7 +2,6 @@
 
 use std::path::{Path, PathBuf};
 
-use engine::gpu::Gpu;
 use engine::render::{ObjectChange, SplatKind, UsualLook};
 use engine::{Error, Kind, Result, transfer};
 use view::io::loader::{self, LoadedSplats, LoadedVolume};
@@ -139,15 +138,15 @@ fn nothing(help: &str) -> Error {
     Error::new(Kind::Usage, "VGS-XR-030", "there is nothing to show").help(help)
 }
 
-/// Returns the splats that the deletions of a session leave. Waits for the device if they have a binary mask.
+/// Returns the splats that the deletions of a session leave.
 ///
 /// # Errors
-/// [`Kind::Usage`] if none are left, and the errors of [`LoadedSplats::without`].
-pub fn left(gpu: &Gpu, splats: LoadedSplats, deleted: &[Deletion]) -> Result<LoadedSplats> {
+/// [`Kind::Usage`] if none are left.
+pub fn left(splats: LoadedSplats, deleted: &[Deletion]) -> Result<LoadedSplats> {
     if deleted.is_empty() {
         return Ok(splats);
     }
-    let left = splats.without(gpu, deleted)?;
+    let left = splats.without(deleted);
     match left.set.splats.len() {
         0 => Err(nothing("all splats of the session are deleted: restore some in `vgs view`")),
         _ => Ok(left),
@@ -284,12 +283,11 @@ mod tests {
         state.write(folder.path().join("s.toml"), false).expect("a session");
         let (content, mut start) = read(&wanted(&folder, &["s.toml"])).expect("a session");
         let Content::Splats(splats) = content else { panic!("splats") };
-        let gpu = Gpu::new(&engine::gpu::GpuOptions::default()).expect("a device");
-        let rest = left(&gpu, splats, &start.state.deleted).expect("the liver");
+        let rest = left(splats, &start.state.deleted).expect("the liver");
         assert_eq!(rest.set.splats.len(), 3);
         assert!(rest.set.splats.iter().all(|splat| splat.intensity == 509.0));
         start.state.deleted.push(object(1));
-        let error = left(&gpu, rest, &start.state.deleted).err().expect("nothing is left");
+        let error = left(rest, &start.state.deleted).err().expect("nothing is left");
         assert!(error.code == "VGS-XR-030" && error.help.contains("restore"), "{error}");
     }
 

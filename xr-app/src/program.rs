@@ -8,7 +8,7 @@ use std::sync::atomic::AtomicBool;
 
 use engine::gpu::{Gpu, GpuOptions, Windows};
 use engine::image::{self, Image, WriteOptions};
-use engine::render::{self, QualityLevel, Scene, SplatKind};
+use engine::render::{self, DecodeOptions, QualityLevel, Scene, SplatKind};
 use engine::{Error, Kind, Result, output};
 use view::model::settings::Settings;
 use view::model::state::ViewState;
@@ -138,7 +138,7 @@ fn show(
 ) -> Result<()> {
     let look = start.state.look(&start.numbers)?;
     let content = match content {
-        Content::Splats(splats) => Content::Splats(inputs::left(gpu, splats, &start.state.deleted)?),
+        Content::Splats(splats) => Content::Splats(inputs::left(splats, &start.state.deleted)?),
         volume => volume,
     };
     let options = Options {
@@ -149,7 +149,7 @@ fn show(
         frames: arguments.frames,
         panel: arguments.panel,
         foveation: arguments.foveation,
-        pitch: 1.0,
+        decoding: start.state.decoding(),
         given_up: None,
         card: match arguments.card {
             Some(when) => when == Card::Always,
@@ -171,7 +171,8 @@ fn show(
         // Memory budgets keep the first splats, which are the most important ones.
         Content::Splats(splats) => memory::within(gpu, arguments.memory_budget, splats.set, |kept| {
             let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
-            let options = Options { pitch: kept.pitch, given_up: kept.given_up.clone(), ..options.clone() };
+            let decoding = DecodeOptions { pitch: kept.pitch, ..options.decoding };
+            let options = Options { decoding, given_up: kept.given_up.clone(), ..options.clone() };
             let mut viewer = Viewer::new(gpu, scene, headset, options)?;
             viewer.set_pick_data(PickData::of(kept.set));
             Ok(viewer)

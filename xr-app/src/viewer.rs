@@ -7,7 +7,7 @@ use std::time::{Duration, Instant};
 use engine::Result;
 use engine::budget::{Controller, budget_ms};
 use engine::gpu::{Format, Gpu, Hitches, Image};
-use engine::render::{Fov, Frames, QualityLevel, Scene, Settings, Triangle, level_costs};
+use engine::render::{DecodeOptions, Fov, Frames, QualityLevel, Scene, Settings, Triangle, level_costs};
 use glam::DVec3;
 
 use crate::bodies;
@@ -41,8 +41,8 @@ pub struct Options {
     /// Edges of the views' pictures, as a part of the eyes', with foveation ([`Sight`]); `None` for no
     /// foveation.
     pub foveation: Option<f64>,
-    /// [`Settings::pitch`].
-    pub pitch: f64,
+    /// [`Settings::decoding`].
+    pub decoding: DecodeOptions,
     /// What was given up to save memory, in words.
     pub given_up: Option<String>,
     /// True if the card of what hands do is shown at the start.
@@ -62,7 +62,7 @@ impl Options {
             frames: None,
             panel: false,
             foveation: None,
-            pitch: 1.0,
+            decoding: DecodeOptions::default(),
             given_up: None,
             card: false,
             start: None,
@@ -120,7 +120,7 @@ impl Viewer {
     pub fn new(gpu: &Gpu, scene: Scene, headset: &dyn Headset, options: Options) -> Result<Self> {
         let about = headset.description();
         let sight = Sight::new(about.eye_size, options.foveation, about.lenses);
-        let settings = Settings { pitch: options.pitch, ..sight.settings(about.depth) };
+        let settings = Settings { decoding: options.decoding, ..sight.settings(about.depth) };
         let frames = Frames::new(gpu, &scene, &settings, &options.levels)?;
         let foveated = sight.insets().is_some();
         let composer =

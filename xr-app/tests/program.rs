@@ -30,7 +30,7 @@ fn folder(count: usize, for_grid: bool) -> tempfile::TempDir {
     let mut set = SplatSet { splats: splats.collect(), ..SplatSet::default() };
     if for_grid {
         set.grid = Some(Grid { size: [121; 3], world_from_voxel: DAffine3::IDENTITY });
-        set.form = Form::Grid { binary: true };
+        set.form = Form::Grid;
     }
     splat::write(&folder.path().join("scene.ply"), &set, false).expect("a file");
     folder

@@ -171,12 +171,16 @@ config! {
         /// Weight of the mean length of a splat's three scales, in scale_unit (in edges of the cube where
         /// that is "box"), beside the mean intensity error; 0 switches the term off.
         scale_weight: f32 = 0.0,
-        /// Weight of the occupancy error over ROI and shell; 0 switches the term off.
+        /// Weight of the occupancy error over ROI and shell, for form "field" or a soft mask; 0 switches the term
+        /// off.
         occupancy_weight: f32 = 0.004,
+        /// The same for form "grid" and a binary mask, over ROI and a shell of one voxel: the file has the region
+        /// exactly, and this only keeps splats from reaching far beyond it, for modes and programs that draw
+        /// them as they are.
+        hold_weight: f32 = 0.0001,
         /// w0 of the occupancy O = W / (W + w0), in units of the summed weight W.
         occupancy_w0: f32 = 0.05,
-        /// An occupancy error up to this costs nothing, for form "grid" and a binary mask, 0 to 0.49: what is
-        /// decoded is only whether the occupancy is above one half.
+        /// An occupancy error up to this costs nothing, for form "grid" and a binary mask, 0 to 0.49.
         occupancy_tolerance: f32 = 0.4,
         /// Thickness of the shell around the ROI that occupancy, Dice and leak look at, voxels along each
         /// axis.
@@ -311,6 +315,7 @@ impl FitConfig {
             ("mask_weight", self.mask_weight),
             ("leak_weight", self.leak_weight),
             ("occupancy_weight", self.occupancy_weight),
+            ("hold_weight", self.hold_weight),
             ("init_footprint", self.init_footprint),
             ("dice_smoothing", self.dice_smoothing),
             ("rim_weight", self.rim_weight),
@@ -451,16 +456,21 @@ impl FitConfig {
     }
 
     /// Returns the form of the fitted splats, for files and pictures.
-    pub fn fitted_form(&self, roi: &Roi) -> splat::Form {
+    pub fn fitted_form(&self) -> splat::Form {
         match self.effective_form() {
             FitForm::Field => splat::Form::Field,
-            FitForm::Grid => splat::Form::Grid { binary: !roi.soft },
+            FitForm::Grid => splat::Form::Grid,
         }
     }
 
     /// Returns true if the fit is shown as voxels that are wholly inside of `roi` or wholly outside.
     pub(super) fn is_classified(&self, roi: &Roi) -> bool {
         self.effective_form() == FitForm::Grid && !roi.soft && self.region_threshold == 0.0
+    }
+
+    /// Returns the weight of the occupancy error.
+    pub(super) fn occupancy_weight(&self, roi: &Roi) -> f32 {
+        if self.is_classified(roi) { self.hold_weight } else { self.occupancy_weight }
     }
 
     /// Returns true if the rim of `roi` has a weight of its own.

@@ -172,19 +172,22 @@ impl<'a> Fitter<'a> {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
         let around = if config.shell_beyond { Bricks::around_and_beyond } else { Bricks::around };
-        let bricks = Arc::new(around(roi, terms::shell(config)));
+        let bricks = Arc::new(around(roi, terms::shell(config, roi)));
         let scaling = Scaling::new(volume, roi, config);
         let stretch = config.scale_unit.stretch(volume);
         let work = Work::new(gpu, &bricks, count, config, stretch.as_vec3().to_array())?;
         let grid = &work.rasterizer.grid;
         let offsets = offsets(config.offset_count(), config.seed);
+        // What is shown in the rim is the region's own.
+        let own = config.has_rim(roi).then(|| volume.of_region_alone(roi));
+        let aimed = own.as_ref().unwrap_or(volume);
         let (mut targets, mut terms) = (Vec::new(), Vec::new());
         for (i, &offset) in offsets.iter().enumerate() {
             let mut outside = 0.0;
             let row: Result<Vec<_>> = (0..grid.chunks())
                 .map(|c| {
                     let rim = config.has_rim(roi);
-                    let sampled = sample(&bricks, grid.chunk(c), volume, roi, &scaling, offset, rim);
+                    let sampled = sample(&bricks, grid.chunk(c), aimed, roi, &scaling, offset, rim);
                     outside += terms::outside(config, &sampled);
                     gpu.upload(&format!("targets {i}.{c}"), "targets", &sampled)
                 })

@@ -6,11 +6,18 @@ use rayon::prelude::*;
 use splat::{SplatSet, label_name};
 use volume::Labels;
 
-/// Gives each splat of `set` the label of the voxel nearest to its mean, and the set the names of the labels.
-/// The splats of a fit reach a little beyond the region; there the nearest voxel that has a label counts.
+/// Gives each splat of `set` the label of the voxel nearest to its mean, each voxel of its region its label, and the set
+/// the names of the labels. The splats of a fit reach a little beyond the region; there the nearest voxel that has a label counts.
 pub fn label(set: &mut SplatSet, labels: &Labels) {
     let world = |mean: [f32; 3]| DVec3::from_array(mean.map(f64::from)) + set.origin_mm;
     set.labels = Some(labels.of(set.splats.par_iter().map(|splat| world(splat.mean))));
+    if let (Some(region), Some(grid)) = (&set.region, &set.grid) {
+        let centre =
+            |voxel: [u32; 3]| grid.world_from_voxel.transform_point3(DVec3::from_array(voxel.map(f64::from)));
+        let voxels: Vec<_> = region.voxels().map(|(voxel, _)| voxel).collect();
+        let mut numbers = labels.of(voxels.par_iter().map(|&voxel| centre(voxel))).into_iter();
+        set.region = region.renumbered(|_| numbers.next().unwrap_or(0));
+    }
     let names = labels.names.iter().map(|(&label, name)| (label, label_name(name)));
     set.label_names = names.filter(|(_, name)| !name.is_empty()).collect();
 }

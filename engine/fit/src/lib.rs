@@ -19,7 +19,6 @@
 //! | `state` | an interrupted fit, as a file |
 //! | `rounding` | a fit rounded for a small file: [`Problem::rounded_set`] |
 //! | `evaluate`, `errors` | how good splats are, and where they are wrong |
-//! | `exceptions` | the voxels where splats are on the wrong side of a binary mask, for the file |
 //! | `labels`, `place` | which structure a splat belongs to; the voxel grid of splats from other programs |
 #![forbid(unsafe_code)]
 
@@ -28,7 +27,6 @@ mod config;
 mod count;
 pub mod errors;
 pub mod evaluate;
-mod exceptions;
 mod fitter;
 mod goal;
 mod going;
@@ -52,14 +50,13 @@ pub mod topology;
 mod unit;
 
 pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, Storage};
-pub use exceptions::{Misclassified, with_part_of_mask};
 pub use fitter::{Fitter, Progress};
 pub use goal::Goal;
 pub use going::{Going, to_the_end};
 pub use plan::{BytesOf, Clock, Fitted, Measure, Order, Plan, SizeLimit, run};
 pub use profiles::{PROFILES, Profile};
 pub use qualities::{DEFAULT_QUALITY, EARLY, QUALITIES, QualityPreset};
-pub use rounding::{ROUNDING_ITERATIONS, rounded_as_it_is};
+pub use rounding::ROUNDING_ITERATIONS;
 pub use run::{
     Beginning, CurvePoint, End, GOAL_MARGIN_DB, Interrupted, Milestone, Outcome, Problem, Start, Watch,
 };

@@ -18,7 +18,7 @@ use super::{FitConfig, Goal, Progress, Schedule};
 use base::error::{Error, Result};
 use base::figures;
 use gpu::Gpu;
-use splat::{Form, Rounding, Splat, SplatSet};
+use splat::{Rounding, Splat, SplatSet};
 use volume::{Labels, Roi, Volume};
 
 /// What rounding for a small file costs, dB: the fit before it should be better by as much.
@@ -27,12 +27,9 @@ const ROUNDING_DB: f64 = 0.3;
 const TRIALS_OF_TIME: f64 = 0.25;
 /// ... and part of it by which first splats are placed; the fit has the rest.
 const PLACED_BY: u32 = 2;
-/// Part of a limited file that the first splats may fill where voxels on the wrong side of a mask come to them
-/// later ...
-const FILLED_BESIDE_MASK: f64 = 0.9;
-/// ... where none do ...
+/// Part of a limited file that the first splats may fill ...
 const FILLED: f64 = 0.99;
-/// ... and of either where splats are rounded: fitted ones differ more, and take more bytes.
+/// ... and of that where splats are rounded: fitted ones differ more, and take more bytes.
 const FILLED_IF_ROUNDED: f64 = 0.8;
 /// A file that is filled to this part of what the first splats may fill is full.
 const NEARLY: f64 = 0.97;
@@ -294,27 +291,20 @@ impl<'a> Plan<'a> {
         let set = if matches!(outcome.end, End::Finished) {
             self.settled(&mut outcome, &mut lacking, &RefCell::new(watch))?
         } else {
-            self.set(&outcome.splats, outcome.iterations, &mut lacking)
+            self.set(&outcome.splats, outcome.iterations)
         };
         Ok(Fitted { set, outcome, lacking })
     }
 
     /// Returns splats of the fit (voxel space of the working grid, HU) as a set with their labels and, if the
-    /// iterations were the last, as a file would have them; without exceptions.
+    /// iterations were the last, as a file would have them.
     pub fn first_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
-        let rounding = self.rounded.then(|| Rounding::coarse(splats));
+        let rounding = self.rounded.then(|| Rounding::usual(splats));
         self.labelled(SplatSet { rounding, ..self.problem.splat_set(splats, iterations) })
     }
 
-    /// Returns splats on the way (voxel space of the working grid, HU) as a set, with labels and exceptions; without the
-    /// latter if the device has failed.
-    pub fn set_on_the_way(&self, splats: &[Splat], iterations: u32) -> SplatSet {
-        self.set(splats, iterations, &mut None)
-    }
-
-    /// Returns splats (voxel space of the working grid, HU) as a set with labels, and neither exceptions nor a wait for
-    /// the device.
-    pub fn quick_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
+    /// Returns splats (voxel space of the working grid, HU) as a set with labels.
+    pub fn set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
         self.labelled(self.problem.splat_set(splats, iterations))
     }
 
@@ -331,16 +321,6 @@ impl<'a> Plan<'a> {
             label(&mut set, labels);
         }
         set
-    }
-
-    /// Returns the set of splats; if the device fails, without exceptions, and with the failure in `lacking`.
-    fn set(&self, splats: &[Splat], iterations: u32, lacking: &mut Option<Error>) -> SplatSet {
-        let finished = self.problem.finished_set(&self.gpu, splats, iterations).unwrap_or_else(|error| {
-            tracing::warn!("the voxels where the splats miss the mask could not be listed: {error}");
-            lacking.get_or_insert(error);
-            self.problem.splat_set(splats, iterations)
-        });
-        self.labelled(finished)
     }
 
     /// Returns the set of a finished fit as its file has it: rounded where that rounds.
@@ -360,7 +340,7 @@ impl<'a> Plan<'a> {
                 }
             }
         }
-        self.set(splats, iterations, lacking)
+        self.set(splats, iterations)
     }
 
     /// Makes the set of a fit, and fits again with another number of splats where the set has missed its goal or is too
@@ -429,7 +409,10 @@ impl<'a> Plan<'a> {
         let (mut set, most) = (set, size.bytes);
         for round in 0..=ROUNDS {
             let bytes = (size.bytes_of)(&set)?;
-            let splats = (outcome.splats.len() as f64 * AIMED * most as f64 / bytes as f64) as usize;
+            let fixed = fixed_bytes(&set);
+            let [room, taken] =
+                [(AIMED * most as f64) as u64, bytes].map(|bytes| bytes.saturating_sub(fixed).max(1));
+            let splats = (outcome.splats.len() as f64 * room as f64 / taken as f64) as usize;
             if bytes <= most || watch.borrow_mut().stops() {
                 break;
             }
@@ -489,6 +472,11 @@ fn counted_for<'a>(
     Ok(problem.of_count(splats))
 }
 
+/// Returns the bytes of a file that do not depend on the number of splats: those of the region.
+fn fixed_bytes(set: &SplatSet) -> u64 {
+    set.region.as_ref().map_or(0, |region| region.encode().len() as u64)
+}
+
 /// Returns the problem and its first splats: no more than a file of limited size holds, and as many, if nothing else says
 /// how many.
 fn within<'a>(
@@ -501,11 +489,11 @@ fn within<'a>(
 ) -> Result<(Problem<'a>, Vec<Splat>)> {
     let (mut problem, mut first) = (problem, first);
     for _ in 0..ROUNDS {
-        let rounding = fitted_again.then(|| Rounding::coarse(&first));
+        let rounding = fitted_again.then(|| Rounding::usual(&first));
         let set = SplatSet { rounding, ..problem.splat_set(&first, 0) };
-        let beside_mask = set.form == (Form::Grid { binary: true });
-        let filled = filled * if beside_mask { FILLED_BESIDE_MASK } else { FILLED };
-        let part = (size.bytes_of)(&set)? as f64 / (size.bytes as f64 * filled);
+        let fixed = fixed_bytes(&set) as f64;
+        let part =
+            ((size.bytes_of)(&set)? as f64 - fixed) / (size.bytes as f64 * filled * FILLED - fixed).max(1.0);
         let limit = problem.config().most_splats(problem.native_voxels());
         let count = ((first.len() as f64 / part) as usize).clamp(1, limit.max(1));
         let fits = part <= 1.0 && (!size.fill || part > NEARLY);

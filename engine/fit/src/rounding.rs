@@ -6,14 +6,14 @@
 
 use std::path::Path;
 
-use super::exceptions::with_same_mask;
+use super::evaluate::{Protocol, evaluate};
 use super::going::{Going, iterate, part};
 use super::run::Problem;
 use super::unit::ScaleUnit;
 use super::{FitConfig, Fitter};
 use base::error::Result;
 use gpu::Gpu;
-use splat::{Form, Group, Rounding, Splat, SplatSet};
+use splat::{Group, Rounding, Splat, SplatSet};
 
 /// The order of the groups.
 const ORDER: [Group; 4] = [Group::Shape, Group::Mean, Group::Opacity, Group::Intensity];
@@ -32,8 +32,8 @@ impl Problem<'_> {
         splat::rounds(path) && self.config().subset == 0
     }
 
-    /// Returns fitted splats (voxel space of the working grid, HU) as [`Problem::finished_set`] does, rounded
-    /// to a coarse lattice and fitted again to make up for it. `going` hears how far that is; once it says
+    /// Returns fitted splats (voxel space of the working grid, HU) as [`Problem::splat_set`] does, rounded
+    /// to a lattice of steps that suit its error, and fitted again to make up for it. `going` hears how far that is; once it says
     /// stop, what is left is rounded at once. Waits for the device.
     ///
     /// # Errors
@@ -45,7 +45,10 @@ impl Problem<'_> {
         iterations: u32,
         going: &mut Going<'_>,
     ) -> Result<SplatSet> {
-        let mut rounding = Rounding::coarse(splats);
+        let (low, high) = self.scaling().range;
+        let protocol = Protocol { offsets: Vec::new(), range: [low, high], shell: 0, threshold: 0.0 };
+        let found = evaluate(gpu, splats, &self.field(), self.volume(), self.roi(), &protocol)?;
+        let mut rounding = Rounding::for_error(splats, found.on_grid.rmse_hu);
         let mut splats = splats.to_vec();
         for (done, &group) in ORDER.iter().enumerate() {
             let at = |done: usize| (done as f64 - 1.0) / (ORDER.len() as f64 - 1.0);
@@ -63,28 +66,8 @@ impl Problem<'_> {
             }
             rounding.round(&mut splats, group);
         }
-        Ok(SplatSet { rounding: Some(rounding), ..self.finished_set(gpu, &splats, iterations)? })
+        Ok(SplatSet { rounding: Some(rounding), ..self.splat_set(&splats, iterations) })
     }
-}
-
-/// Returns `set`, if it has a mask, rounded to a fine lattice, with the exceptions that give it the same mask;
-/// others need none, and are rounded when they are written. Waits for the device.
-///
-/// # Errors
-/// Fails if the device fails, and with [`Kind::HostMemory`](base::Kind) for a grid that memory does not hold.
-pub fn rounded_as_it_is(gpu: &Gpu, set: SplatSet) -> Result<SplatSet> {
-    let (Form::Grid { binary: true }, Some(grid), None) = (set.form, set.grid, set.rounding) else {
-        return Ok(set);
-    };
-    let mut splats = set.to_voxel(&grid.world_from_voxel);
-    let mut rounding = Rounding::fine(&splats);
-    for group in ORDER {
-        rounding.round(&mut splats, group);
-    }
-    let rounded = SplatSet::from_voxel(&splats, &grid.world_from_voxel, set.field);
-    let (splats, origin_mm) = (rounded.splats, rounded.origin_mm);
-    let rounded = SplatSet { splats, origin_mm, rounding: Some(rounding), ..set.clone() };
-    with_same_mask(gpu, &set, rounded)
 }
 
 /// Returns the configuration of iterations after a fit that leave the groups `rounded` alone.

@@ -9,14 +9,13 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::exceptions::{Misclassified, misclassified};
 use super::init::InitConfig;
 use super::stage::{Count, Stage};
 use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
 use base::error::{Error, Kind, Result};
 use base::memory;
 use gpu::{Gpu, PassTime};
-use splat::{Field, Grid, Splat, SplatSet};
+use splat::{Field, Form, Grid, Region, Splat, SplatSet};
 use volume::{Displacements, Roi, Volume};
 
 /// Figures are fetched at least this many iterations apart ...
@@ -48,6 +47,8 @@ pub struct Problem<'a> {
     native_voxels: f64,
     /// Checksum of the volume on its own grid, once it was asked for.
     volume_crc32: OnceLock<u32>,
+    /// The voxels of a binary region, once they were asked for.
+    region: OnceLock<Option<Region>>,
 }
 
 impl<'a> Problem<'a> {
@@ -67,12 +68,14 @@ impl<'a> Problem<'a> {
             let fine = finer.volume(volume, Some(roi), &along);
             let roi = Cow::Owned(finer.roi(roi, &fine, &along));
             let (volume, config) = (Cow::Owned(fine), config.clone());
-            return Ok(Problem { volume, roi, config, native_voxels, volume_crc32 });
+            let region = OnceLock::new();
+            return Ok(Problem { volume, roi, config, native_voxels, volume_crc32, region });
         }
         if config.working_grid <= 1 {
             let (volume, roi) = (Cow::Borrowed(volume), Cow::Borrowed(roi));
             let volume_crc32 = OnceLock::new();
-            return Ok(Problem { volume, roi, config: config.clone(), native_voxels, volume_crc32 });
+            let region = OnceLock::new();
+            return Ok(Problem { volume, roi, config: config.clone(), native_voxels, volume_crc32, region });
         }
         // The range is that of the native volume: the means of its blocks reach less far.
         let (low, high) = Scaling::new(volume, roi, config).range;
@@ -83,6 +86,7 @@ impl<'a> Problem<'a> {
             config: FitConfig { hu_range: [low, high], ..config.clone() },
             native_voxels,
             volume_crc32: OnceLock::from(volume.crc32()),
+            region: OnceLock::new(),
         })
     }
 
@@ -90,7 +94,8 @@ impl<'a> Problem<'a> {
     pub(super) fn with_config(&self, config: FitConfig) -> Problem<'_> {
         let (volume, roi) = (Cow::Borrowed(&*self.volume), Cow::Borrowed(&*self.roi));
         let volume_crc32 = self.volume_crc32.clone();
-        Problem { volume, roi, config, native_voxels: self.native_voxels, volume_crc32 }
+        let region = self.region.clone();
+        Problem { volume, roi, config, native_voxels: self.native_voxels, volume_crc32, region }
     }
 
     /// Returns the part of the problem in the box of `size` voxels from `first` on.
@@ -102,6 +107,7 @@ impl<'a> Problem<'a> {
             roi: Cow::Owned(roi),
             config: self.config.clone(),
             volume_crc32: OnceLock::new(),
+            region: OnceLock::new(),
         }
     }
 
@@ -190,36 +196,26 @@ impl<'a> Problem<'a> {
     }
 
     /// Returns splats of the fit (voxel space of the working grid, HU) as a set in the world, with the grid
-    /// that they were fitted on and their form, but without exceptions.
+    /// that they were fitted on, their form and their region.
     pub fn splat_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
         SplatSet {
             iterations: Some(iterations),
             grid: Some(Grid::of_voxels(self.volume.size, self.volume.world_from_voxel)),
             unit: self.volume.unit(),
             volume_crc32: Some(*self.volume_crc32.get_or_init(|| self.volume.crc32())),
-            form: self.config.fitted_form(&self.roi),
+            form: self.config.fitted_form(),
+            region: self.region(),
             ..SplatSet::from_voxel(splats, &self.volume.world_from_voxel, self.field())
         }
     }
 
-    /// Returns splats as [`Self::splat_set`] does, with the [exceptions](splat::Exception) that a file of
-    /// them needs. Waits for the device.
-    pub fn finished_set(&self, gpu: &Gpu, splats: &[Splat], iterations: u32) -> Result<SplatSet> {
-        let mut set = self.splat_set(splats, iterations);
-        let Misclassified { exceptions, unreached } = self.misclassified(gpu, &set)?;
-        if unreached > 0 {
-            let voxels = self.roi.voxel_count();
-            tracing::warn!(
-                "no splat reaches {unreached} of the region's {voxels} voxels: they are not shown"
-            );
+    /// Returns the voxels of the region, if it is binary and shown as voxels.
+    fn region(&self) -> Option<Region> {
+        if self.roi.soft || self.config.fitted_form() == Form::Field {
+            return None;
         }
-        set.exceptions = exceptions;
-        Ok(set)
-    }
-
-    /// Returns what a set of this problem has on the wrong side of the mask. Waits for the device.
-    pub fn misclassified(&self, gpu: &Gpu, set: &SplatSet) -> Result<Misclassified> {
-        misclassified(gpu, set, &self.roi)
+        let region = || Region::of(self.roi.size, |i| (self.roi.weight[i] > 0.5).then_some(0));
+        self.region.get_or_init(region).clone()
     }
 
     /// Fits from `start` until `schedule` is done or `watch` stops it. If the fit fails on the way, the

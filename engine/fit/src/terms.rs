@@ -76,10 +76,14 @@ pub(super) fn region_size(config: &FitConfig, roi: &Roi) -> f64 {
     }
 }
 
-/// Returns the thickness of the shell, voxels; 0 if no term needs it.
-pub(super) fn shell(config: &FitConfig) -> u32 {
-    let looked_at = [config.occupancy_weight, config.mask_weight, config.leak_weight];
-    if looked_at.iter().any(|&weight| weight > 0.0) { config.shell } else { 0 }
+/// Returns the thickness of the shell, voxels: that of the configuration, if a term of what lies around the region has a
+/// weight; 1 if only what is beside a binary region counts; else 0.
+pub(super) fn shell(config: &FitConfig, roi: &Roi) -> u32 {
+    let classified = config.is_classified(roi);
+    let occupancy = if classified { 0.0 } else { config.occupancy_weight };
+    let beside = u32::from(config.has_rim(roi) || classified && config.hold_weight > 0.0);
+    let looked_at = [occupancy, config.mask_weight, config.leak_weight];
+    if looked_at.iter().any(|&weight| weight > 0.0) { config.shell.max(beside) } else { beside }
 }
 
 /// Returns Σ (1 - M) over the samples that take part, or, if the region has a threshold, the number of
@@ -119,9 +123,10 @@ pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside
     let of_mse = if intensity.term == MSE { config.mse_weight } else { 0.0 };
     let rim = if config.has_rim(roi) { config.rim_weight } else { 0.0 };
     let mut terms = vec![Weighted { region: hard, parameter: rim, ..term(MSE, of_mse) }];
-    if config.occupancy_weight > 0.0 {
+    let weight = config.occupancy_weight(roi);
+    if weight > 0.0 {
         let tolerance = if config.is_classified(roi) { config.occupancy_tolerance } else { 0.0 };
-        let occupancy = term(OCCUPANCY, config.occupancy_weight);
+        let occupancy = term(OCCUPANCY, weight);
         terms.push(Weighted { parameter: config.occupancy_w0, tolerance, ..occupancy });
     }
     if intensity.term != MSE && config.mse_weight > 0.0 {
@@ -143,6 +148,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
+    use crate::FitForm;
     use volume::Volume;
 
     #[test]
@@ -161,10 +167,15 @@ mod tests {
             weighted(config, &roi, &scaling, outside).iter().map(|t| (t.term, t.weight)).collect()
         };
         assert_eq!(list(&none, 5.0), [(MSE, 0.0)], "the squared error is always reported");
-        assert_eq!(shell(&none), 0);
+        assert_eq!(shell(&none, &roi), 0, "nothing beside a soft region counts");
+        let binary = Roi { soft: false, ..roi.clone() };
+        assert_eq!(shell(&none, &binary), 1, "the rim, and what holds splats");
+        let alone = FitConfig { rim_weight: 0.0, hold_weight: 0.0, ..none.clone() };
+        assert_eq!(shell(&alone, &binary), 0);
         let all = FitConfig {
             mse_weight: 2.0,
             occupancy_weight: 3.0,
+            form: FitForm::Field,
             mask_weight: 4.0,
             leak_weight: 6.0,
             ..FitConfig::default()
@@ -175,11 +186,11 @@ mod tests {
         );
         assert_eq!(list(&all, 0.0)[3], (LEAK, 0.0), "nothing outside, nothing to leak into");
         for one in [
-            FitConfig { occupancy_weight: 1.0, ..none.clone() },
+            FitConfig { occupancy_weight: 1.0, form: FitForm::Field, ..none.clone() },
             FitConfig { mask_weight: 1.0, ..none.clone() },
             FitConfig { leak_weight: 1.0, ..none.clone() },
         ] {
-            assert_eq!((shell(&one), list(&one, 1.0).len()), (one.shell, 2));
+            assert_eq!((shell(&one, &roi), list(&one, 1.0).len()), (one.shell, 2));
         }
         let targets = [Target::new(0.0, 1.0), Target::IDLE, Target::new(0.5, 0.0), Target::new(0.0, 0.25)];
         assert!((outside(&none, &targets) - 1.75).abs() < 1e-4);

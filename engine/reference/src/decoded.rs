@@ -18,10 +18,10 @@ pub struct Voxel {
 }
 
 /// Decodes the voxels of a box, x fastest. `objects` holds the footprints of each object's splats, in voxels
-/// of the box. With `binary` O is 1 above ½ and 0 elsewhere. V is the field's value where a splat reaches;
+/// of the box. V is the field's value where a splat reaches;
 /// elsewhere it is the mean of the neighbouring voxels that a splat reaches, or the background if there are
 /// none.
-pub fn decoded(objects: &[Vec<Footprint>], field: &Field, size: [usize; 3], binary: bool) -> Vec<Voxel> {
+pub fn decoded(objects: &[Vec<Footprint>], field: &Field, size: [usize; 3]) -> Vec<Voxel> {
     let [nx, ny, nz] = size;
     let place = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];
     let positions: Vec<DVec3> =
@@ -51,7 +51,7 @@ pub fn decoded(objects: &[Vec<Footprint>], field: &Field, size: [usize; 3], bina
             let most = (0..each.len()).rev().max_by(|&a, &b| each[a][i].weight.total_cmp(&each[b][i].weight));
             Voxel {
                 value: background + if weight > 0.0 { value } else { beside(i) },
-                occupancy: if binary { f64::from(u8::from(occupancy > 0.5)) } else { occupancy },
+                occupancy,
                 object: most.unwrap_or(0),
             }
         })

@@ -102,7 +102,8 @@ pub fn baked(gpu: &Gpu, set: &SplatSet, look: &Look) -> Result<Baked> {
         });
     }
 
-    let mut out = set.selected(|i, _| faces[i].is_some());
+    let shown_set = SplatSet { region: None, ..set.clone() };
+    let mut out = shown_set.selected(|i, _| faces[i].is_some());
     let hidden = set.splats.len() - out.splats.len();
     let rows = shown.iter().zip(&faces).filter_map(|(&row, face)| face.as_ref().map(|_| row)).collect();
     let mut coefficients = Vec::new();

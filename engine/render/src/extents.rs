@@ -31,7 +31,24 @@ pub(super) fn reaches(splats: &[Splat], support_q: f64) -> Vec<Vec3> {
 /// Returns the corners of the box around the splats of a set without their tails and without those that lie far from all
 /// others, mm RAS: what a picture of all of them frames ([`Scene::bounds`](super::Scene::bounds)).
 pub fn bounds(set: &SplatSet) -> [DVec3; 2] {
-    cores(&set.splats, &far_splats(&set.splats)).map(|corner| corner + set.origin_mm)
+    let corners = match of_region(set) {
+        Some(corners) => corners,
+        None => cores(&set.splats, &far_splats(&set.splats)),
+    };
+    corners.map(|corner| corner + set.origin_mm)
+}
+
+/// Returns the corners of the box around the voxels of a set's region, mm in its space; `None` if it has no voxels.
+pub(super) fn of_region(set: &SplatSet) -> Option<[DVec3; 2]> {
+    let (region, grid) = (set.region.as_ref()?, set.grid?);
+    let [first, end] = region.bounds().map(|at| DVec3::from_array(at.map(f64::from)) - 0.5);
+    (region.voxel_count() > 0).then_some(())?;
+    let corner = |k: usize| {
+        let part = DVec3::new((k & 1) as f64, (k >> 1 & 1) as f64, (k >> 2) as f64);
+        grid.world_from_voxel.transform_point3(first + part * (end - first)) - set.origin_mm
+    };
+    let around = |[low, high]: [DVec3; 2], x: DVec3| [low.min(x), high.max(x)];
+    Some((0..8).map(corner).fold([DVec3::INFINITY, DVec3::NEG_INFINITY], around))
 }
 
 /// Returns the corners of the box around the cores of all splats but the rows `far`.

@@ -10,8 +10,8 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use glam::{DAffine3, DVec3};
 use shaders_glsl::types::Centre;
 
-use super::decoded;
-use super::extents::{box_around, cores, intervals, middle_sigma, reaches};
+use super::decoded::{self, DecodeOptions};
+use super::extents::{box_around, cores, intervals, middle_sigma, of_region, reaches};
 use super::gpu_volume::GpuVolume;
 use super::look::LookBuffers;
 use super::splat_points::splat_points;
@@ -21,7 +21,7 @@ use passes::activity::ActivitySources;
 use passes::deconvolution::DevicePoints;
 use passes::{Activity, Ranking, SplatRows};
 use splat::harmonics::basis_count;
-use splat::{Exception, Field, Form, Grid, Harmonics, Object, Packed, SplatSet, by_importance, far_splats};
+use splat::{Field, Form, Grid, Harmonics, Object, Packed, Region, SplatSet, by_importance, far_splats};
 
 /// Precision of the splats on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -53,7 +53,7 @@ pub(super) struct Faces {
 pub type Decoding = Box<dyn FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send>;
 
 /// A pitch, voxels, and the field decoded at it.
-type Decoded = (f64, Arc<GpuVolume>);
+type Decoded = (DecodeOptions, Arc<GpuVolume>);
 
 /// The splats of a scene.
 pub struct GpuSplats {
@@ -68,7 +68,7 @@ pub struct GpuSplats {
     pub range: [f64; 2],
     /// Corners of the box around all supports, mm in the space of the scene.
     pub bounds: [DVec3; 2],
-    /// Corners of the box around the cores, half a standard deviation from the means on, of all splats but those that
+    /// Corners of the box around the region; without one, around the cores, half a standard deviation from the means on, of all splats but those that
     /// lie far from all others, mm in the space of the scene: where the mask is that they were fitted to.
     pub(super) cores: [DVec3; 2],
     /// Number of splats that lie far from all others.
@@ -87,8 +87,8 @@ pub struct GpuSplats {
     /// The grid that the splats were fitted on, in the space of the scene.
     grid: Option<Grid>,
     form: Form,
-    exceptions: Arc<[Exception]>,
-    /// Field that mode decoded shows, with its pitch.
+    region: Option<Region>,
+    /// Field that mode decoded shows, with how it was decoded.
     decoded: Arc<Mutex<Option<Decoded>>>,
     /// Coefficients of spherical harmonics, two halves a word; for standard splats only.
     harmonics: Buffer<u32>,
@@ -136,7 +136,7 @@ impl GpuSplats {
             sigma_mm: middle_sigma(splats),
             range,
             bounds: box_around(splats, &reach),
-            cores: cores(splats, &far),
+            cores: of_region(set).unwrap_or_else(|| cores(splats, &far)),
             far: far.len(),
             intervals: gpu.upload("intervals of intensity", "splats", &intervals)?,
             objects: set.objects(),
@@ -150,7 +150,7 @@ impl GpuSplats {
                 ..grid
             }),
             form: set.form,
-            exceptions: set.exceptions.as_slice().into(),
+            region: set.region.clone(),
             decoded: Arc::default(),
             harmonics: gpu.upload(
                 "spherical harmonics",
@@ -243,7 +243,7 @@ impl GpuSplats {
             };
             // Between the voxels of its grid such a fit means nothing, only its decoded field does.
             let decoded = match source.form {
-                Form::Grid { .. } => source.decode(&gpu, 1.0, &mut |_| true)?,
+                Form::Grid => source.decode(&gpu, &DecodeOptions::default(), &mut |_| true)?,
                 Form::Field => None,
             };
             let made = splat_points(&source.splats, &source.field, decoded.as_ref())?;
@@ -254,11 +254,10 @@ impl GpuSplats {
         })
     }
 
-    /// Returns the field decoded at `pitch`, voxels; decodes it now if necessary. Only the field of the last
-    /// pitch is kept.
-    pub(super) fn decoded(&self, gpu: &Gpu, pitch: f64) -> Result<Arc<GpuVolume>> {
-        if !self.has_decoded(pitch) {
-            self.decoding(gpu, pitch)?(&mut |_| ())?;
+    /// Returns the field decoded as `options` say; decodes it now if necessary. Only the last field is kept.
+    pub(super) fn decoded(&self, gpu: &Gpu, options: DecodeOptions) -> Result<Arc<GpuVolume>> {
+        if !self.has_decoded(options) {
+            self.decoding(gpu, options)?(&mut |_| ())?;
         }
         let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
         match &*place {
@@ -268,19 +267,24 @@ impl GpuSplats {
     }
 
     /// Returns true if mode decoded can begin at once.
-    pub fn has_decoded(&self, pitch: f64) -> bool {
-        let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
-        place.as_ref().is_some_and(|(made_for, _)| *made_for == pitch)
+    pub fn has_decoded(&self, options: DecodeOptions) -> bool {
+        self.decoded_as() == Some(options)
     }
 
-    /// Returns a function that prepares mode decoded at `pitch`, voxels, so that it can begin at once; it may
+    /// Returns how the field is decoded that there is; `None` if there is none.
+    pub fn decoded_as(&self) -> Option<DecodeOptions> {
+        let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
+        place.as_ref().map(|(made_for, _)| *made_for)
+    }
+
+    /// Returns a function that prepares mode decoded as `options` say, so that it can begin at once; it may
     /// be called on any thread. It tells its argument the part that is done, 0 to 1, and ends without a result
     /// once the splats are gone. Waits for the device.
     ///
     /// # Errors
     /// If the pitch is out of range.
-    pub fn decoding(&self, gpu: &Gpu, pitch: f64) -> Result<Decoding> {
-        self.decoding_as(gpu, pitch, None)
+    pub fn decoding(&self, gpu: &Gpu, options: DecodeOptions) -> Result<Decoding> {
+        self.decoding_as(gpu, options, None)
     }
 
     /// Returns a function like that of [`Self::decoding`], whose field has other objects than the splats: `number`
@@ -291,19 +295,19 @@ impl GpuSplats {
     pub fn decoding_objects(
         &self,
         gpu: &Gpu,
-        pitch: f64,
+        options: DecodeOptions,
         number: impl Fn(DVec3) -> u8 + Send + Sync + 'static,
     ) -> Result<Decoding> {
-        self.decoding_as(gpu, pitch, Some(Box::new(number)))
+        self.decoding_as(gpu, options, Some(Box::new(number)))
     }
 
     fn decoding_as(
         &self,
         gpu: &Gpu,
-        pitch: f64,
+        options: DecodeOptions,
         number: Option<Box<dyn Fn(DVec3) -> u8 + Send + Sync>>,
     ) -> Result<Decoding> {
-        decoded::check(pitch)?;
+        decoded::check(options.pitch)?;
         let mut source = self.source()?;
         if number.is_some() {
             // Those of the splats need not be found.
@@ -316,7 +320,7 @@ impl GpuSplats {
                 progress(part as f32);
                 place.strong_count() > 0
             };
-            let Some(field) = source.decode(&gpu, pitch, &mut going)? else { return Ok(()) };
+            let Some(field) = source.decode(&gpu, &options, &mut going)? else { return Ok(()) };
             let Some(place) = place.upgrade() else { return Ok(()) };
             let field = match number {
                 Some(number) => field.with_objects(&number),
@@ -328,7 +332,7 @@ impl GpuSplats {
                 field.brick_count(),
                 start.elapsed().as_secs_f64()
             );
-            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((pitch, volume));
+            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((options, volume));
             Ok(())
         }))
     }
@@ -341,7 +345,7 @@ impl GpuSplats {
             field: self.field,
             grid: self.grid,
             form: self.form,
-            exceptions: Arc::clone(&self.exceptions),
+            region: self.region.clone(),
             sigma_mm: self.sigma_mm,
         })
     }

@@ -68,7 +68,7 @@ mod visibility_mask;
 
 pub use baked::{Baked, baked};
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
-pub use decoded::{Decoded, decode, decodes_every_voxel};
+pub use decoded::{DecodeOptions, Decoded, decode, decode_as, decodes_every_voxel};
 pub use extents::bounds;
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
 pub use gpu_splats::{Decoding, GpuSplats, Precision};

@@ -1,6 +1,7 @@
 //! The table of the ways to render a scene.
 
 use super::alpha::Alpha;
+use super::decoded::DecodeOptions;
 use super::gpu_splats::GpuSplats;
 use super::mode::Mode;
 use super::raymarch::Raymarch;
@@ -58,12 +59,12 @@ pub enum Needs {
 }
 
 impl Needs {
-    /// Returns true if splats have it; the field at this pitch ([`Settings::pitch`]).
-    pub fn are_met(self, splats: &GpuSplats, pitch: f64) -> bool {
+    /// Returns true if splats have it; the field decoded so ([`Settings::decoding`]).
+    pub fn are_met(self, splats: &GpuSplats, decoding: DecodeOptions) -> bool {
         match self {
             Needs::Splats => true,
             Needs::Faces => splats.has_faces(),
-            Needs::DecodedField => splats.has_decoded(pitch),
+            Needs::DecodedField => splats.has_decoded(decoding),
         }
     }
 }

@@ -127,7 +127,7 @@ mod tests {
     fn a_set_is_of_the_kind_that_its_file_says() {
         let mut set = SplatSet::default();
         assert_eq!(SplatKind::of(&set), SplatKind::Field);
-        set.form = Form::Grid { binary: true };
+        set.form = Form::Grid;
         assert_eq!(SplatKind::of(&set), SplatKind::Grid);
         set.colours = Some(Harmonics { degree: 0, coefficients: Vec::new() });
         assert_eq!(SplatKind::of(&set), SplatKind::Coloured);

@@ -69,10 +69,10 @@ impl Raymarch {
         Self::of(gpu, scene, settings, None)
     }
 
-    /// Creates mode decoded. Decodes the splats to voxels `settings.pitch` apart if necessary; samples are
+    /// Creates mode decoded. Decodes the splats as `settings.decoding` says if necessary; samples are
     /// spaced as in mode volume.
     pub fn decoded(gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Self> {
-        let decoded = scene.expect_splats().decoded(gpu, settings.pitch)?;
+        let decoded = scene.expect_splats().decoded(gpu, settings.decoding)?;
         Self::of(gpu, scene, settings, Some(decoded))
     }
 

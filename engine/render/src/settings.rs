@@ -1,5 +1,6 @@
 //! The settings that a mode is created for.
 
+use super::decoded::DecodeOptions;
 use super::look::Classification;
 use super::scene::Scene;
 #[cfg(doc)]
@@ -45,9 +46,9 @@ pub struct Settings {
     /// that is longer; `None` for four steps, at least 1 and at most 1.5. A cell is sampled at its ends and, only where
     /// something can show, at every step.
     pub cell: Option<f64>,
-    /// Distance of the voxels that splats are decoded to in mode decoded, in voxels of the grid that they
-    /// were fitted on; of splats that were fitted for the voxels alone 1 or the next power of two.
-    pub pitch: f64,
+    /// How splats are decoded in mode decoded. The pitch of splats that were fitted for the voxels alone is 1 or the
+    /// next power of two.
+    pub decoding: DecodeOptions,
     /// True if the samples of a volume begin at a random part of a step in each pixel, which turns the rings
     /// of a coarse step into noise. It is not for pictures that are measured.
     pub jitter: bool,
@@ -81,7 +82,7 @@ impl Settings {
             masked: false,
             step: 1.0,
             cell: None,
-            pitch: 1.0,
+            decoding: DecodeOptions::default(),
             jitter: false,
             rays: Rays::default(),
             classification: None,

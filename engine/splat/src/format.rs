@@ -6,7 +6,7 @@ use serde::Serialize;
 
 use super::labels::LabelCount;
 use super::ply::{PLY_LAYOUTS, PlyLayout};
-use super::{Place, SplatSet, Unplaced};
+use super::{Place, Region, SplatSet, Unplaced};
 use base::error::Result;
 use base::unit::Unit;
 
@@ -101,9 +101,9 @@ pub struct Summary {
     pub grid_size: Option<[u32; 3]>,
     /// Checksum of the samples of the volume that the set was fitted to, if the file gives it.
     pub volume_crc32: Option<u32>,
-    /// Number of voxels whose occupancy is not the rounded one.
-    pub exceptions: usize,
-    /// What the set was fitted for: the name of a [`Form`](super::Form).
+    /// Number of voxels of the region; absent if the set has none.
+    pub region_voxels: Option<usize>,
+    /// What the set was fitted for: the name of a [`Form`](super::Form), or "region" for a grid with a region.
     pub form: &'static str,
 }
 
@@ -148,8 +148,8 @@ impl Summary {
             iterations: set.iterations,
             grid_size: set.grid.map(|grid| grid.size),
             volume_crc32: set.volume_crc32,
-            exceptions: set.exceptions.len(),
-            form: set.form.name(),
+            region_voxels: set.region.as_ref().map(Region::voxel_count),
+            form: set.form_name(),
         }
     }
 }

@@ -1,5 +1,4 @@
-//! The grid that a set was fitted on, its form (whether its field is right everywhere or only on that grid),
-//! and the voxels of the grid where the splats are wrong about the mask.
+//! The grid that a set was fitted on, and its form: whether its field is right everywhere or only on that grid.
 
 use glam::{DAffine3, DMat3, DVec3};
 
@@ -55,46 +54,6 @@ impl Grid {
     }
 }
 
-/// A voxel of the grid that rounding the splats' occupancy puts on the wrong side of a binary mask.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct Exception {
-    /// The voxel's indices along x, y, z.
-    pub voxel: [u16; 3],
-    /// True if the voxel is in the mask: its occupancy is 1, and otherwise 0. It holds only where a splat
-    /// reaches the voxel, so an exception goes with the splats that it belongs to.
-    pub inside: bool,
-}
-
-impl Exception {
-    /// Creates the exception of the voxel with this index, x fastest; `None` if the grid has no such voxel.
-    pub fn at(index: u64, inside: bool, grid: &Grid) -> Option<Self> {
-        let [nx, ny, nz] = grid.size.map(u64::from);
-        let [x, y, z] = [index % nx, index / nx % ny, index / nx / ny];
-        let axis = |at: u64| u16::try_from(at).ok();
-        (z < nz).then_some(())?;
-        Some(Exception { voxel: [axis(x)?, axis(y)?, axis(z)?], inside })
-    }
-
-    /// Returns the index of the voxel in a grid that has it, x fastest.
-    pub fn index(&self, grid: &Grid) -> u64 {
-        let [x, y, z] = self.voxel.map(u64::from);
-        (z * u64::from(grid.size[1]) + y) * u64::from(grid.size[0]) + x
-    }
-
-    /// Returns why a set with this grid must not have some exceptions, or `None` if it may.
-    pub fn defect(exceptions: &[Exception], grid: Option<&Grid>) -> Option<&'static str> {
-        let Some(grid) = grid else {
-            return (!exceptions.is_empty()).then_some("it has exceptions and no grid for them");
-        };
-        let beyond = |e: &Exception| (0..3).any(|k| u32::from(e.voxel[k]) >= grid.size[k]);
-        if exceptions.iter().any(beyond) {
-            return Some("an exception lies beyond the grid");
-        }
-        let ascending = exceptions.is_sorted_by(|a, b| a.index(grid) < b.index(grid));
-        (!ascending).then_some("its exceptions are not in order")
-    }
-}
-
 /// What a set was fitted for, which decides how it is shown and measured.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum Form {
@@ -102,38 +61,36 @@ pub enum Form {
     #[default]
     Field,
     /// The set is right at the voxels of its grid only: it has to be decoded there and interpolated.
-    Grid {
-        /// True if the mask was binary: an occupancy above ½ stands for 1, any other for 0, but for the set's
-        /// [exceptions](Exception).
-        binary: bool,
-    },
+    Grid,
 }
 
 /// Names of the forms in files.
-const NAMES: [(&str, Form); 3] = [
+const NAMES: [(&str, Form); 4] = [
     ("field", Form::Field),
-    ("grid", Form::Grid { binary: false }),
-    ("grid-binary", Form::Grid { binary: true }),
+    ("grid", Form::Grid),
+    (Form::WITH_REGION, Form::Grid),
+    (Form::OCCUPIED, Form::Grid),
 ];
 
 impl Form {
-    /// Returns the name of the form in files.
-    pub fn name(self) -> &'static str {
-        NAMES.iter().find(|(_, form)| *form == self).map_or("field", |(name, _)| name)
-    }
+    /// The name in files of [`Form::Grid`] with a [`Region`](crate::Region).
+    pub(crate) const WITH_REGION: &str = "region";
+    /// The same in files from before there were regions: they are where the occupancy is above ½, but for some
+    /// exceptions.
+    pub(crate) const OCCUPIED: &str = "grid-binary";
 
-    /// Returns the form of two sets of the same kind together: an occupancy is rounded only if both masks
-    /// were binary.
-    pub fn joined(self, other: Self) -> Self {
-        match (self, other) {
-            (Form::Grid { binary: a }, Form::Grid { binary: b }) => Form::Grid { binary: a && b },
-            _ => self,
+    /// Returns the name of the form in files, of a set that has a region or none.
+    pub(crate) fn name(self, region: bool) -> &'static str {
+        match self {
+            Form::Field => "field",
+            Form::Grid if region => Form::WITH_REGION,
+            Form::Grid => "grid",
         }
     }
 
-    /// Returns the form called `name`.
-    pub fn from_name(name: &str) -> Option<Self> {
-        NAMES.iter().find(|(known, _)| *known == name).map(|(_, form)| *form)
+    /// Returns the form that is called `name` in files, with the name itself.
+    pub(crate) fn from_name(name: &str) -> Option<(Self, &'static str)> {
+        NAMES.iter().find(|(known, _)| *known == name).map(|&(name, form)| (form, name))
     }
 }
 
@@ -163,28 +120,12 @@ mod tests {
     }
 
     #[test]
-    fn exceptions_need_a_grid_that_holds_them() {
-        let grid = Grid { size: [2, 3, 4], world_from_voxel: DAffine3::IDENTITY };
-        let at = |voxel| [Exception { voxel, inside: true }];
-        assert_eq!(Exception::defect(&at([1, 2, 3]), Some(&grid)), None);
-        assert_eq!(Exception::defect(&[], None), None);
-        let all: Vec<_> = (0..24).filter_map(|i| Exception::at(i, i % 2 == 0, &grid)).collect();
-        assert_eq!((all.len(), Exception::at(24, true, &grid)), (24, None));
-        assert!((0..24).zip(&all).all(|(i, exception)| exception.index(&grid) == i));
-        assert_eq!(Exception::defect(&all, Some(&grid)), None);
-        assert!(Exception::defect(&[all[5], all[5]], Some(&grid)).is_some(), "twice");
-        assert!(Exception::defect(&[all[5], all[4]], Some(&grid)).is_some(), "backwards");
-        for (exceptions, grid) in
-            [(at([0; 3]), None), (at([2, 0, 0]), Some(&grid)), (at([0, 0, 4]), Some(&grid))]
-        {
-            assert!(Exception::defect(&exceptions, grid).is_some(), "{exceptions:?}");
-        }
-    }
-
-    #[test]
     fn forms_have_names() {
         for (name, form) in NAMES {
-            assert_eq!((Form::from_name(name), form.name()), (Some(form), name));
+            assert_eq!(Form::from_name(name), Some((form, name)));
+        }
+        for (form, region) in [(Form::Field, false), (Form::Grid, false), (Form::Grid, true)] {
+            assert_eq!(Form::from_name(form.name(region)).map(|(form, _)| form), Some(form));
         }
         assert_eq!(Form::from_name("cubic"), None);
     }

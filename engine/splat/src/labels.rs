@@ -32,16 +32,20 @@ pub fn label_name(text: &str) -> String {
 
 impl SplatSet {
     /// Returns the labels of the splats with their names and counts, ascending; empty if the set has no
-    /// labels.
+    /// labels. A small structure may have voxels of the region and no splat.
     pub fn label_counts(&self) -> Vec<LabelCount> {
+        if self.labels.is_none() {
+            return Vec::new();
+        }
         let mut counts = [0usize; 256];
+        let has_voxels = |label| self.region.as_ref().is_some_and(|region| region.fit_of(label).is_some());
         for &label in self.labels.iter().flatten() {
             counts[usize::from(label)] += 1;
         }
         let name = |label| self.label_names.iter().find(|(l, _)| *l == label).map(|(_, name)| name.clone());
         (0..=u8::MAX)
             .zip(counts)
-            .filter(|&(_, splats)| splats > 0)
+            .filter(|&(label, splats)| splats > 0 || has_voxels(label))
             .map(|(label, splats)| LabelCount { label, name: name(label), splats })
             .collect()
     }

@@ -11,7 +11,7 @@
 //! | `objects`, `labels` | several sets as one ([`join`]), the structures that splats belong to |
 //! | `structures` | what structures are, and in which colours they are usually drawn |
 //! | `importance` | an order in which the first n splats represent the set as well as n splats can |
-//! | `grid` | the grid that a set was fitted on, what it is right for, and where it is not |
+//! | `grid`, `region` | the grid that a set was fitted on, what it is right for, and its voxels that are shown |
 //! | `harmonics` | colours of splats that have no intensity |
 //! | `far` | which splats lie far from all others |
 //! | `packed` | a set in 16 bytes a splat |
@@ -40,6 +40,7 @@ mod ordinary;
 pub mod packed;
 mod place;
 pub mod ply;
+mod region;
 mod select;
 mod set;
 pub mod space;
@@ -57,7 +58,7 @@ pub use file::{
     read_unplaced, rounds, write, write_as,
 };
 pub use format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
-pub use grid::{Exception, Form, Grid};
+pub use grid::{Form, Grid};
 pub use harmonics::Harmonics;
 pub use importance::by_importance;
 pub use kernel::Kernel;
@@ -66,6 +67,7 @@ pub use objects::{MOST_OBJECTS, Object, join};
 pub use packed::Packed;
 pub use place::Place;
 pub use ply::{PLY_LAYOUTS, PlyLayout};
+pub use region::{Region, RegionObject};
 pub use set::SplatSet;
 pub use shader_interface::types::Splat;
 pub use structures::{StructureKind, kind_of_structure, usual_colours};

@@ -6,10 +6,12 @@
 //! splats, as it does for the splats of one fit. That is right for parts of one body, which share the tissue
 //! at their borders.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
 use super::harmonics::basis_count;
-use super::{Exception, Field, Form, Grid, Harmonics, SplatSet, label_name};
+use super::{Field, Form, Harmonics, Region, RegionObject, SplatSet, label_name};
 use base::error::{Error, Kind, Result};
 use base::names;
 
@@ -87,8 +89,9 @@ impl SplatSet {
 /// backgrounds of all splats: it weighs ε against Σ w in V̂, so where anything is visible it moves V̂ by a
 /// small part of the difference of the backgrounds.
 ///
-/// The grid and the volume's checksum are kept if all sets have the same one. Of the exceptions only voxels inside are kept if there are
-/// several sets: what is outside the mask of one may be inside that of another.
+/// The grid and the volume's checksum are kept if all sets have the same one. If any set has a region, all get one: that
+/// of a set without is where its occupancy is above ½. Each voxel of the regions shows the splats of one set, since splats reach beyond the region that they were fitted to. A
+/// voxel of several regions is in the smallest object.
 ///
 /// # Errors
 /// [`Kind::BadData`] if the sets do not add up to one field: splats with intensities and splats with colours,
@@ -106,7 +109,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     if alone && first.labels.is_some() {
         return Ok(sets.into_iter().next().map(|(_, set)| set).unwrap_or_default());
     }
-    let Numbered { labels, names: label_names } = numbered(&sets)?;
+    let Numbered { labels, names: label_names, of_set } = numbered(&sets)?;
     let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
     let origin_mm = if shared { first.origin_mm } else { common_origin(&sets) };
     let field = Field { background: mean_background(&sets), ..first.field };
@@ -117,8 +120,8 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let grid = first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid));
     let volume_crc32 =
         first.volume_crc32.filter(|_| others.iter().all(|(_, s)| s.volume_crc32 == first.volume_crc32));
-    let form = others.iter().fold(first.form, |form, (_, s)| form.joined(s.form));
-    let exceptions = joined_exceptions(&sets, grid.as_ref());
+    let form = first.form;
+    let region = joined_region(&sets, &of_set)?;
     let mut splats = Vec::with_capacity(labels.len());
     for (_, set) in sets {
         let apart = set.origin_mm - origin_mm;
@@ -141,20 +144,39 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         grid,
         volume_crc32,
         form,
-        exceptions,
+        region,
         rounding: None,
     })
 }
 
-/// Returns the exceptions of all sets together, in order; none if they have no common grid.
-fn joined_exceptions(sets: &[(String, SplatSet)], common_grid: Option<&Grid>) -> Vec<Exception> {
-    let Some(grid) = common_grid else { return Vec::new() };
-    let all = sets.iter().flat_map(|(_, set)| &set.exceptions);
-    let mut kept: Vec<Exception> =
-        all.filter(|exception| sets.len() == 1 || exception.inside).copied().collect();
-    kept.sort_unstable_by_key(|exception| exception.index(grid));
-    kept.dedup();
-    kept
+/// Returns the regions of all sets as one, with the numbers that the joined set gives its objects; `None` if no set has
+/// one.
+fn joined_region(sets: &[(String, SplatSet)], of_set: &[[usize; 256]]) -> Result<Option<Region>> {
+    if sets.iter().all(|(_, set)| set.region.is_none()) {
+        return Ok(None);
+    }
+    let numbers = of_set.iter().map(|numbers| numbers.map(|number| number as u8));
+    let of = |(fit, ((_, set), numbers)): (usize, (&(String, SplatSet), [u8; 256]))| {
+        let renumbered = |_, object: RegionObject| {
+            Some(RegionObject { number: numbers[usize::from(object.number)], fit: fit as u8 })
+        };
+        let region = match (&set.region, &set.grid) {
+            (Some(region), _) => Some(Cow::Borrowed(region)),
+            (None, Some(grid)) => Region::occupied(set, grid, &[])?.map(Cow::Owned),
+            (None, None) => None,
+        };
+        Ok(region.and_then(|region| region.with_objects(renumbered)))
+    };
+    let regions: Result<Option<Vec<Region>>> = sets
+        .iter()
+        .zip(numbers)
+        .enumerate()
+        .map(of)
+        .collect::<Result<Vec<_>>>()
+        .map(|all| all.into_iter().collect());
+    let Some(regions) = regions? else { return Ok(None) };
+    let joined = Region::joined(&regions);
+    joined.map(Some).ok_or_else(|| Error::new(Kind::Internal, "VGS-SPLAT-012", "objects without numbers"))
 }
 
 /// Returns why two sets do not add up to one field and what to do about it, or `None` if they do.
@@ -196,10 +218,12 @@ struct Numbered {
     labels: Vec<u8>,
     /// The names of the objects with their numbers.
     names: Vec<(u8, String)>,
+    /// For each set, the number of the object of each of its labels; 0 for those without splats.
+    of_set: Vec<[usize; 256]>,
 }
 
 fn numbered(sets: &[(String, SplatSet)]) -> Result<Numbered> {
-    let (mut labels, mut names) = (Vec::new(), Vec::new());
+    let (mut labels, mut names, mut of_set) = (Vec::new(), Vec::new(), Vec::new());
     for (name, set) in sets {
         let mut numbers = [0; 256];
         for object in set.objects() {
@@ -222,8 +246,9 @@ fn numbered(sets: &[(String, SplatSet)]) -> Result<Numbered> {
             Some(old) => labels.extend(old.iter().map(|&label| numbers[usize::from(label)] as u8)),
             None => labels.resize(labels.len() + set.splats.len(), numbers[0] as u8),
         }
+        of_set.push(numbers);
     }
-    Ok(Numbered { labels, names: (1..=u8::MAX).zip(names).collect() })
+    Ok(Numbered { labels, names: (1..=u8::MAX).zip(names).collect(), of_set })
 }
 
 /// Returns the centre of the box of all means, rounded to whole mm, so that f32 means keep their digits; mm
@@ -269,6 +294,8 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
+    use crate::Grid;
+    use crate::region::tests::region_of;
     use crate::{Kernel, Splat};
     use base::unit::Unit;
 
@@ -336,31 +363,37 @@ mod tests {
     }
 
     #[test]
-    fn fits_for_one_grid_go_together_and_round_only_what_was_binary_in_both() {
+    fn fits_for_one_grid_go_together_and_so_do_their_regions() {
         let grid = |n: u32| Some(Grid { size: [n; 3], world_from_voxel: DAffine3::IDENTITY });
-        let of = |size, binary| SplatSet {
+        let of = |size, voxels: &[([u32; 3], u8)]| SplatSet {
             grid: grid(size),
-            form: Form::Grid { binary },
+            form: Form::Grid,
+            region: (!voxels.is_empty()).then(|| region_of(voxels)),
             ..at(DVec3::ZERO, &[[0.0; 3]])
         };
-        for (a, b) in [(true, true), (true, false), (false, true), (false, false)] {
-            let joined = join(named(&[("a", &of(4, a)), ("b", &of(4, b))])).expect("one grid");
-            assert_eq!((joined.form, joined.grid), (Form::Grid { binary: a && b }, grid(4)));
-        }
-        let excepting = |voxels: &[([u16; 3], bool)]| SplatSet {
-            exceptions: voxels.iter().map(|&(voxel, inside)| Exception { voxel, inside }).collect(),
-            ..of(4, true)
-        };
-        let (a, b) = (excepting(&[([3, 0, 0], true), ([0; 3], false)]), excepting(&[([2, 0, 0], true)]));
-        let alone = join(named(&[("a", &a)])).expect("one set");
-        assert_eq!(alone.exceptions.len(), 2, "both kinds");
-        let joined = join(named(&[("a", &a), ("b", &b)])).expect("one grid");
-        assert_eq!(joined.exceptions, excepting(&[([2, 0, 0], true), ([3, 0, 0], true)]).exceptions);
-        let error = join(named(&[("a", &of(4, true)), ("b", &of(5, true))])).expect_err("two grids");
+        let soft = of(4, &[]);
+        let joined = join(named(&[("a", &soft), ("b", &soft)])).expect("one grid");
+        assert_eq!((joined.form, joined.grid, joined.region), (Form::Grid, grid(4), None));
+        let (a, b) = (of(4, &[([1, 0, 0], 0), ([2, 0, 0], 0), ([3, 0, 0], 0)]), of(4, &[([3, 0, 0], 0)]));
+        let alone = join(named(&[("a", &a)])).expect("one set").region.expect("a region");
+        assert_eq!(alone.objects(), [RegionObject { number: 1, fit: 0 }], "as its splats are numbered");
+        let joined = join(named(&[("a", &a), ("b", &b)])).expect("one grid").region.expect("a region");
+        let objects: Vec<_> = joined.voxels().map(|(_, object)| (object.number, object.fit)).collect();
+        assert_eq!(objects, [(1, 0), (1, 0), (2, 1)], "the smaller object has what is in both");
+        let mut labelled = of(4, &[([1, 0, 0], 5), ([2, 0, 0], 6)]);
+        labelled.labels = Some(vec![5]);
+        let joined = join(named(&[("a", &labelled), ("b", &b)])).expect("one grid");
+        let names: Vec<_> = joined.objects().into_iter().map(|o| (o.number, o.name, o.splats)).collect();
+        let named_so = |number, name: &str, splats| (number, name.to_owned(), splats);
+        let expected = [named_so(1, "a/label 5", 1), named_so(2, "a/label 6", 0), named_so(3, "b", 1)];
+        assert_eq!(names, expected, "a structure without splats has its voxels");
+        let error = join(named(&[("a", &a), ("b", &of(5, &[([0; 3], 0)]))])).expect_err("two grids");
         assert!(
             error.message.contains("different grids") && error.help.contains("--profile field"),
             "{error}"
         );
+        let joined = join(named(&[("a", &a), ("b", &soft)])).expect("a soft mask beside a binary one");
+        assert!(joined.region.is_some_and(|region| region.objects().len() == 2), "where it is above a half");
     }
 
     #[test]
@@ -377,7 +410,7 @@ mod tests {
         });
         for (other, code, word) in [
             (with(&|s| s.field.kernel = Kernel::Gaussian), "VGS-SPLAT-003", "kernel"),
-            (with(&|s| s.form = Form::Grid { binary: true }), "VGS-SPLAT-003", "the field between"),
+            (with(&|s| s.form = Form::Grid), "VGS-SPLAT-003", "the field between"),
             (with(&|s| s.field.epsilon *= 2.0), "VGS-SPLAT-003", "ε"),
             (with(&|s| s.field.occupancy_w0 *= 2.0), "VGS-SPLAT-003", "w₀"),
             (with(&|s| s.unit = Unit::Luminance), "VGS-SPLAT-003", "luminances"),

@@ -9,8 +9,8 @@ impl SplatSet {
     /// splat and its mean, mm RAS. The rest of the set's statements stays, so that parts of one set can be
     /// [joined](super::join) again.
     ///
-    /// Exceptions are left out, because those of the whole set say nothing of a part: where a neighbour is
-    /// gone the occupancy is another. `fit::with_part_of_mask` finds those of the part.
+    /// The region becomes that of the splats: the voxels of their objects, and of an object of which only some splats
+    /// are kept those in which they have at least half of the weight.
     pub fn selected(&self, keep: impl Fn(usize, DVec3) -> bool) -> SplatSet {
         let mean = |i: usize| DVec3::from_array(self.splats[i].mean.map(f64::from)) + self.origin_mm;
         let rows: Vec<usize> = (0..self.splats.len()).filter(|&i| keep(i, mean(i))).collect();
@@ -20,8 +20,12 @@ impl SplatSet {
     /// Returns the splats of these rows, in this order, as [`SplatSet::selected`] does.
     pub fn of_rows(&self, rows: &[usize]) -> SplatSet {
         let mut part = self.clone();
-        part.exceptions = Vec::new();
         part.take(rows);
+        if let (Some(region), Some(grid)) = (&self.region, &self.grid) {
+            let mut kept = vec![false; self.splats.len()];
+            rows.iter().for_each(|&row| kept[row] = true);
+            part.region = Some(region.part(self, grid, &kept));
+        }
         if let Some(labels) = &part.labels {
             part.label_names.retain(|(label, _)| labels.contains(label));
         }
@@ -34,7 +38,8 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
-    use crate::{Exception, Form, Grid, Harmonics, Splat, join};
+    use crate::region::tests::region_of;
+    use crate::{Form, Grid, Harmonics, Splat, join};
     use base::unit::Unit;
 
     #[test]
@@ -46,20 +51,29 @@ mod tests {
             origin_mm: DVec3::new(100.0, 0.0, 0.0),
             labels: Some(vec![4, 9, 4]),
             label_names: vec![(4, "liver".into()), (9, "spleen".into())],
-            grid: Some(Grid { size: [4; 3], world_from_voxel: DAffine3::IDENTITY }),
-            form: Form::Grid { binary: true },
-            exceptions: vec![Exception { voxel: [1, 2, 3], inside: true }],
+            grid: Some(Grid {
+                size: [4; 3],
+                world_from_voxel: DAffine3::from_translation(DVec3::new(100.0, 0.0, 0.0)),
+            }),
+            form: Form::Grid,
+            region: Some(region_of(&[([1, 0, 0], 4), ([2, 0, 0], 9), ([3, 0, 0], 4)])),
             ..SplatSet::default()
         };
         let right = set.selected(|_, mean| mean.x > 101.5);
         assert_eq!(right.splats, set.splats[1..]);
         assert_eq!(right.labels.as_deref(), Some(&[9, 4][..]));
         assert_eq!((right.grid, right.form, right.origin_mm), (set.grid, set.form, set.origin_mm));
-        assert!(right.exceptions.is_empty(), "they are those of the whole");
+        let voxels = |set: &SplatSet| {
+            set.region.as_ref().expect("a region").voxels().map(|v| v.0[0]).collect::<Vec<_>>()
+        };
+        assert_eq!(voxels(&right), [2, 3]);
         let spleen = set.selected(|i, _| set.labels.as_ref().is_some_and(|labels| labels[i] == 9));
         assert_eq!((spleen.splats.len(), spleen.label_names.len()), (1, 1));
+        assert_eq!(voxels(&spleen), [2]);
         let left = set.selected(|_, mean| mean.x <= 101.5);
+        assert_eq!(voxels(&left), [1]);
         let joined = join(vec![("left".into(), left), ("right".into(), right)]).expect("parts of one set");
+        assert_eq!(voxels(&joined), [1, 2, 3]);
         assert_eq!((joined.splats, joined.grid), (set.splats.clone(), set.grid));
         assert!(set.selected(|_, _| false).splats.is_empty());
 

@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::importance::by_importance;
-use super::{Exception, Field, Form, Grid, Harmonics, Rounding, Splat};
+use super::{Field, Form, Grid, Harmonics, Region, Rounding, Splat};
 use base::unit::Unit;
 
 /// A fitted set of splats in world space, with all that is needed to evaluate its field.
@@ -33,8 +33,9 @@ pub struct SplatSet {
     pub volume_crc32: Option<u32>,
     /// What the set was fitted for.
     pub form: Form,
-    /// Voxels of the grid whose occupancy is not the rounded one, in ascending order of z, y, x.
-    pub exceptions: Vec<Exception>,
+    /// The voxels of the grid that are shown, of a set that was fitted to a binary mask or to labels; `None` if the
+    /// occupancy of the splats says how much of each voxel is.
+    pub region: Option<Region>,
     /// The lattice that the splats were rounded to; `None` if they were not.
     pub rounding: Option<Rounding>,
 }
@@ -54,13 +55,18 @@ impl Default for SplatSet {
             grid: None,
             volume_crc32: None,
             form: Form::default(),
-            exceptions: Vec::new(),
+            region: None,
             rounding: None,
         }
     }
 }
 
 impl SplatSet {
+    /// Returns the name of the set's form in files: "field", "grid" or "region".
+    pub fn form_name(&self) -> &'static str {
+        self.form.name(self.region.is_some())
+    }
+
     /// Returns the least and the greatest intensity; `None` for an empty set.
     pub fn intensity_range(&self) -> Option<[f64; 2]> {
         let intensities = || self.splats.iter().map(|splat| f64::from(splat.intensity));
@@ -68,10 +74,8 @@ impl SplatSet {
     }
 
     /// Returns this set with all that `original` states beside its splats: for a file that another program has
-    /// written anew without the comments of this one. Exceptions belong to splats, and come only if there are as
-    /// many as before.
+    /// written anew without the comments of this one.
     pub fn with_statements_of(self, original: &SplatSet) -> SplatSet {
-        let same = self.splats.len() == original.splats.len();
         SplatSet {
             origin_mm: original.origin_mm,
             field: original.field,
@@ -81,7 +85,7 @@ impl SplatSet {
             grid: original.grid,
             volume_crc32: original.volume_crc32,
             form: original.form,
-            exceptions: if same { original.exceptions.clone() } else { Vec::new() },
+            region: original.region.clone(),
             ..self
         }
     }

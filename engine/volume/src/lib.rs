@@ -19,17 +19,21 @@
 //! | `present` | [`PresentLabel`]: the labels that a mask has, and what each covers |
 //! | `cleaning`, `morphology` | [`Cleaning`]: a region from a threshold; pieces, closing and holes of masks |
 //! | `bricks`, `distance` | [`Bricks`]: the blocks of 8³ voxels that a region touches; distances to a mask |
+//! | `edges`, `beyond`, `edged` | occupancy of a region without stairs, values around it, and both of a volume |
 //! | `resample`, `crop`, `slices` | coarser grids, parts of a volume, and slices between thick ones |
 //! | `compare`, `phantom` | differences of two volumes, a synthetic CT |
 #![forbid(unsafe_code)]
 
 mod affine;
+pub mod beyond;
 pub mod bricks;
 mod cleaning;
 pub mod compare;
 mod crop;
 pub mod dicom;
 pub mod distance;
+mod edged;
+pub mod edges;
 mod elements;
 mod fields;
 mod formats;

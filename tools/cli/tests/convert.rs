@@ -10,8 +10,7 @@ use view::model::state::{Object, Plane, ViewState};
 fn without_comments(file: &[u8]) -> Vec<u8> {
     let end = file.windows(11).position(|w| w == b"end_header\n").expect("a header") + 11;
     let header = std::str::from_utf8(&file[..end]).expect("ASCII");
-    let (vertices, _) =
-        header.split_once("element exception").expect("a fit to a binary mask has exceptions");
+    let (vertices, _) = header.split_once("element region").expect("a fit to a binary mask has a region");
     let kept: Vec<&str> = vertices.lines().filter(|line| !line.starts_with("comment")).collect();
     let count: usize = kept[2].rsplit(' ').next().expect("a count").parse().expect("a number");
     let floats = kept.iter().filter(|line| line.starts_with("property float")).count();
@@ -84,6 +83,7 @@ fn labelled(folder: &Folder) -> SplatSet {
     labelled.labels =
         Some(labelled.splats.iter().map(|splat| if splat.mean[2] >= middle { 2 } else { 7 }).collect());
     labelled.label_names = vec![(2, "liver".to_owned()), (7, "spleen".to_owned())];
+    labelled.label_region();
     splat::write(&folder.path("ours.ply"), &labelled, false).expect("a file");
     labelled
 }
@@ -106,8 +106,8 @@ fn splats_are_selected_by_object_and_by_box() {
         assert_eq!((part.splats.len(), part.grid, part.form), (wanted, ours.grid, ours.form));
         assert_eq!(part.labels.map(|labels| labels.len()), Some(wanted));
     }
-    // All of it is the whole again, with the exceptions that it had.
-    assert_eq!(set(&folder, "part.ply").exceptions, ours.exceptions);
+    // All of it is the whole again.
+    assert_eq!(set(&folder, "part.ply").region, ours.region);
 
     let place = |i: usize| ours.splats[i].mean.map(f64::from);
     let [x, y, z] = place(0);
@@ -309,7 +309,7 @@ fn a_splat_far_from_all_others_is_told_and_not_framed() {
     let mut far = set(&folder, "near.ply");
     let splat = Splat { mean: [2e4, 0.0, 0.0], ..far.splats[0] };
     far.splats.push(splat);
-    (far.grid, far.form, far.exceptions) = (None, Form::Field, Vec::new());
+    (far.grid, far.form, far.region) = (None, Form::Field, None);
     let near = SplatSet { splats: far.splats[..far.splats.len() - 1].to_vec(), ..far.clone() };
     splat::write(&folder.path("near.ply"), &near, true).expect("a file");
     splat::write(&folder.path("far.ply"), &far, true).expect("a file");

@@ -50,6 +50,7 @@ fn labelled(folder: &Folder, name: &str) -> SplatSet {
     let label = |height: f32| if height >= middle { 2 } else { 7 };
     labelled.labels = Some(labelled.splats.iter().map(|splat| label(splat.mean[2])).collect());
     labelled.label_names = vec![(2, "liver".to_owned()), (7, "spleen".to_owned())];
+    labelled.label_region();
     splat::write(&folder.path(name), &labelled, false).expect("a file");
     labelled
 }
@@ -80,12 +81,7 @@ fn a_page_holds_the_file_as_it_is_and_no_name_of_it() {
     convert(&folder, &["Mueller.ply", "-o", "b.html"]);
     assert!(read(&folder, "b.html").data == page.data);
     // What other splats need is decoded for the page.
-    let free = SplatSet {
-        grid: None,
-        form: splat::Form::Field,
-        exceptions: Vec::new(),
-        ..set(&folder, "Mueller.ply")
-    };
+    let free = SplatSet { grid: None, form: splat::Form::Field, region: None, ..set(&folder, "Mueller.ply") };
     splat::write(&folder.path("free.ply"), &free, false).expect("a file");
     let told = convert(&folder, &["free.ply", "-o", "free.html"]);
     assert_eq!(told["parts"][0]["kind"], "voxels");
@@ -280,7 +276,7 @@ fn what_cannot_be_a_page_is_told() {
     let ours = labelled(&folder, "ours.ply");
     assert_eq!(folder.run(&["convert", "ours.ply", "-o", "colours.spz"]).code, 0);
     let moved = Grid { size: [SIZE + 1; 3], ..ours.grid.expect("a grid") };
-    let other = SplatSet { grid: Some(moved), exceptions: Vec::new(), ..ours };
+    let other = SplatSet { grid: Some(moved), ..ours };
     splat::write(&folder.path("other.ply"), &other, false).expect("a file");
     ViewState::new(&engine::transfer::load("CT-Bone", [-1000.0, 3000.0]).expect("a preset"))
         .write(folder.path("s.toml"), false)

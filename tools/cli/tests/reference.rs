@@ -232,7 +232,7 @@ fn a_fit_for_the_grid_is_decoded() {
     let folder = Folder::new(24);
     folder.run(&fit("grid.ply", &["--json"])).json();
     let header = String::from_utf8_lossy(&folder.read("grid.ply")[..2000]).into_owned();
-    assert!(header.contains("comment vgs.form grid-binary"), "{header}");
+    assert!(header.contains("comment vgs.form region"), "{header}");
     let render = ["render", "grid.ply", "--size", "64x64", "--json", "-o"];
     let plain = folder.run(&[&render[..], &["plain.png"]].concat());
     assert!(!plain.err.contains("vgs.form"), "{}", plain.err);
@@ -241,7 +241,7 @@ fn a_fit_for_the_grid_is_decoded() {
     assert!(slab.err.contains("fitted for the voxels of their CT alone"), "{}", slab.err);
     assert_eq!(slab.json()["mode"], "slab");
 
-    assert_eq!(folder.run(&["info", "grid.ply", "--json"]).json()["form"], "grid-binary");
+    assert_eq!(folder.run(&["info", "grid.ply", "--json"]).json()["form"], "region");
     let info = folder.run(&["info", "grid.ply"]).out;
     assert!(info.contains("24 x 24 x 24 voxels; the splats are right at these alone"), "{info}");
 
@@ -260,7 +260,7 @@ fn a_fit_for_the_grid_is_decoded() {
 
     let eval = ["eval", "grid.ply", "ct.nii.gz", "--roi", "mask.nii.gz"];
     let told = folder.run(&[&eval[..], &["--json"]].concat()).json();
-    assert_eq!(told["form"], "grid-binary");
+    assert_eq!(told["form"], "region");
     let figure = |of: &serde_json::Value, name: &str| of[name].as_f64().expect("a figure");
     let [field, decoded] = ["psnr_db", "psnr_min_offset_db"]
         .map(|name| [figure(&told["field"], name), figure(&told["decoded"], name)])

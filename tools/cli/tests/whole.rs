@@ -129,7 +129,7 @@ fn a_fit_says_before_what_it_will_cost() {
     assert!((real / file.len() as f64 - 1.0).abs() < 2e-3, "{ratio}");
     let memory = ratio["device_peak_bytes"].as_f64().expect("a number");
     // Whether the buffers of pairs grow once more is not known before.
-    assert!((0.95..1.9).contains(&memory), "{memory}");
+    assert!((0.95..2.2).contains(&memory), "{memory}");
     assert!(ratio["seconds"].as_f64().is_some_and(|r| r > 0.0), "{ratio}");
 
     // The fit is the same as without.

@@ -1,9 +1,8 @@
 //! The data of a page: splats as files of them, or their field on voxels where that is smaller or all that the page can
 //! read.
 
-use engine::fit::rounded_as_it_is;
 use engine::gpu::Gpu;
-use engine::render::{decode, decodes_every_voxel};
+use engine::render::{DecodeOptions, decode_as, decodes_every_voxel};
 use engine::splat::{Activations, Form, Grid, SplatSet, vgs};
 use engine::unit::Unit;
 use engine::{Result, memory};
@@ -39,11 +38,10 @@ pub struct Content {
 }
 
 impl Content {
-    /// Returns what a page of some splats holds. Asks for the device, and waits for it, where splats have to be rounded or
-    /// decoded.
+    /// Returns what a page of some splats holds. Asks for the device, and waits for it, where splats have to be decoded.
     ///
     /// # Errors
-    /// Returns the errors of `device`, of [`rounded_as_it_is`], of [`decode`] and of [`vgs::encode`].
+    /// Returns the errors of `device`, of [`decode_as`] and of [`vgs::encode`].
     pub fn of(splats: &Splats, device: &mut dyn FnMut() -> Result<Gpu>) -> Result<Self> {
         let Splats { set, pieces, names } = splats;
         let content = |parts| Content { objects: names.clone(), ..Content::of_parts(parts) };
@@ -57,9 +55,7 @@ impl Content {
         if !is_read || !decodes_every_voxel(set) {
             return voxels(device);
         }
-        let file = |Piece { source, numbers }: &Piece| {
-            Ok((PartKind::Vgs, file_of(source, device)?, numbers.clone()))
-        };
+        let file = |Piece { source, numbers }: &Piece| Ok((PartKind::Vgs, file_of(source)?, numbers.clone()));
         let files = content(pieces.iter().map(file).collect::<Result<_>>()?);
         if core_voxels(set).is_some_and(|voxels| files.bytes() > BYTES_A_VOXEL * voxels) {
             let voxels = voxels(device)?;
@@ -86,24 +82,17 @@ impl Content {
 /// Returns true if the page evaluates such splats itself: those that are right at the voxels of a grid, which needs no least
 /// squares.
 fn is_read_by_pages(set: &SplatSet) -> bool {
-    matches!(set.form, Form::Grid { .. }) && set.grid.is_some()
+    set.form == Form::Grid && set.grid.is_some()
 }
 
 /// Returns the `.vgs` file of a source.
-fn file_of(source: &Source, device: &mut dyn FnMut() -> Result<Gpu>) -> Result<Vec<u8>> {
-    if let Some(file) = &source.file {
-        return Ok(file.clone());
-    }
-    let set = &source.set;
-    match set.form == (Form::Grid { binary: true }) && set.rounding.is_none() {
-        true => vgs::encode(&rounded_as_it_is(&device()?, set.clone())?),
-        false => vgs::encode(set),
-    }
+fn file_of(source: &Source) -> Result<Vec<u8>> {
+    source.file.as_ref().map_or_else(|| vgs::encode(&source.set), |file| Ok(file.clone()))
 }
 
 /// Returns the field of splats on voxels, and whether these have labels.
 fn voxels_of(set: &SplatSet, device: &mut dyn FnMut() -> Result<Gpu>) -> Result<(Vec<u8>, bool)> {
-    let decoded = decode(&device()?, set, 1.0)?;
+    let decoded = decode_as(&device()?, set, &DecodeOptions::default())?;
     let voxels = decoded.size.iter().fold(1, |count: u64, &n| count.saturating_mul(n.into()));
     memory::require(
         voxels.saturating_mul(HOST_BYTES_A_VOXEL),
@@ -179,7 +168,7 @@ mod tests {
 
     #[test]
     fn voxels_inside_are_counted_once() {
-        let soft = Form::Grid { binary: false };
+        let soft = Form::Grid;
         assert_eq!(core_voxels(&set(1, soft)), Some(125), "two to each side");
         assert_eq!(core_voxels(&set(3, soft)), Some(375));
         let doubled =
@@ -198,11 +187,10 @@ mod tests {
             Err(engine::Error::new(engine::Kind::Unavailable, "T", "no device"))
         };
         let join = |sources| Splats::join(sources).expect("splats");
-        let soft = set(8, Form::Grid { binary: false });
-        let content =
-            Content::of(&join(vec![Source::of("", soft.clone())]), &mut device).expect("rounded here");
+        let soft = set(8, Form::Grid);
+        let content = Content::of(&join(vec![Source::of("", soft.clone())]), &mut device).expect("a file");
         assert_eq!((content.parts[0].kind, &content.parts[0].numbers[..]), (PartKind::Vgs, &[[0, 0]][..]));
-        let binary = wide(8, 5.0, Form::Grid { binary: true });
+        let binary = wide(8, 5.0, Form::Grid);
         let file = vgs::encode(&binary).expect("a file");
         let source = Source { file: Some(file.clone()), ..Source::of("", binary.clone()) };
         let both = join(vec![source.clone(), Source { stem: "b".to_owned(), ..source }]);
@@ -220,9 +208,8 @@ mod tests {
             let splats = Splats::join(vec![Source::of("", set)]).expect("splats");
             Content::of(&splats, &mut device).is_err_and(|error| error.code == "T")
         };
-        let soft = Form::Grid { binary: false };
+        let soft = Form::Grid;
         assert!(fails(set(8, Form::Field)) && fails(SplatSet { grid: None, ..set(8, soft) }));
-        assert!(fails(set(8, Form::Grid { binary: true })), "its mask has to be found once it is rounded");
         let many = SplatSet { splats: set(3, soft).splats.repeat(100), ..set(0, soft) };
         assert!(fails(many), "they may be larger than their voxels");
     }

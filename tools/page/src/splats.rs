@@ -1,8 +1,6 @@
 //! The splats that a page is made of: as one set, for its look, and apart as the files that they are from.
 
-use engine::fit::with_part_of_mask;
-use engine::gpu::Gpu;
-use engine::splat::{self, Form, SplatSet};
+use engine::splat::{self, SplatSet};
 use engine::{Error, Kind, Result};
 use glam::DVec3;
 
@@ -57,23 +55,16 @@ impl Splats {
         Ok(Splats { set, pieces, names })
     }
 
-    /// Returns the splats for which `keep` is true, with their part of a binary mask. It is told the number of the object
-    /// and the mean, mm RAS. Asks for the device, and waits for it, if there is such a mask.
-    ///
-    /// # Errors
-    /// Returns the errors of `device` and of [`with_part_of_mask`].
-    pub fn selected(
-        self,
-        keep: &dyn Fn(u8, DVec3) -> bool,
-        device: &mut dyn FnMut() -> Result<Gpu>,
-    ) -> Result<Self> {
+    /// Returns the splats for which `keep` is true, with their part of the region. It is told the number of the object and
+    /// the mean, mm RAS.
+    pub fn selected(self, keep: &dyn Fn(u8, DVec3) -> bool) -> Self {
         let Splats { set, pieces, names } = self;
-        let set = part(&set, &|label| label, keep, device)?.unwrap_or(set);
+        let set = part(&set, &|label| label, keep).unwrap_or(set);
         let mut kept = Vec::new();
         for Piece { source, numbers } in pieces {
             let number =
                 |label| numbers.iter().find(|[own, _]| *own == label).map_or(label, |[_, number]| *number);
-            let source = match part(&source.set, &number, keep, device)? {
+            let source = match part(&source.set, &number, keep) {
                 Some(set) => Source::of(source.stem, set),
                 None => source,
             };
@@ -81,26 +72,16 @@ impl Splats {
         }
         let left: Vec<u8> = set.objects().iter().map(|object| object.number).collect();
         let names = names.into_iter().filter(|(number, _)| left.contains(number)).collect();
-        Ok(Splats { set, pieces: kept, names })
+        Splats { set, pieces: kept, names }
     }
 }
 
 /// Returns the splats of a set for which `keep` is true, `number` being that of the object of a label; `None` if these are
 /// all.
-fn part(
-    set: &SplatSet,
-    number: &dyn Fn(u8) -> u8,
-    keep: &dyn Fn(u8, DVec3) -> bool,
-    device: &mut dyn FnMut() -> Result<Gpu>,
-) -> Result<Option<SplatSet>> {
+fn part(set: &SplatSet, number: &dyn Fn(u8) -> u8, keep: &dyn Fn(u8, DVec3) -> bool) -> Option<SplatSet> {
     let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
     let part = set.selected(|i, mean| keep(number(label(i)), mean));
-    let all = part.splats.len() == set.splats.len();
-    let has_mask = set.form == (Form::Grid { binary: true }) && set.grid.is_some();
-    match has_mask && !all && !part.splats.is_empty() {
-        true => with_part_of_mask(&device()?, set, part).map(Some),
-        false => Ok(Some(part).filter(|_| !all)),
-    }
+    Some(part).filter(|part| part.splats.len() < set.splats.len())
 }
 
 fn is_coloured(set: &SplatSet) -> bool {

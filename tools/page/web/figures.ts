@@ -4,13 +4,11 @@
 import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
 import { availableParallelism, tmpdir } from 'node:os';
 import { join } from 'node:path';
-import { gunzipSync } from 'node:zlib';
 import type { Browser } from 'playwright-core';
 import { PNG } from 'pngjs';
-import { decodeSplats } from './field/decode.ts';
 import { readVgs } from './field/vgs.ts';
-import { voxel } from './tests/field.ts';
 import { harness, launch, open } from './tests/browser.ts';
+import { differences } from './tests/differences.ts';
 import { contentOf, likeness, vgs } from './tests/program.ts';
 import type { Look } from './types.ts';
 import { viewOf } from './ui/camera.ts';
@@ -20,40 +18,6 @@ const FUNCTIONS = ['CT-Bone', 'CT-Bones-Steep', 'CT-Soft-Tissue'];
 const SIZE = 512;
 const QUALITY = { step: 0.25, cell: null, occlusion: true };
 const scratch = mkdtempSync(join(tmpdir(), 'vgs-figures-'));
-
-/** Voxels of a NIfTI file of 32-bit floats, x fastest. */
-function nifti(file: string): Float32Array {
-    const bytes = gunzipSync(readFileSync(file));
-    const from = bytes.readFloatLE(108);
-    return new Float32Array(bytes.buffer.slice(bytes.byteOffset + from, bytes.byteOffset + bytes.length));
-}
-
-/**
- * Root of the mean square and the worst difference of V in the mask, and the voxels whose O differs; null for splats of
- * another grid, with slices between those of the volume.
- */
-function differences(splats: string, volume: string): { rms: number; worst: number; wrong: number } | null {
-    const [values, mask] = ['field', 'occupancy'].map((quantity) => {
-        const file = join(scratch, `${quantity}.nii.gz`);
-        vgs('rasterize', splats, '--like', volume, '--quantity', quantity, '-o', file, '-f', '-q');
-        return nifti(file);
-    });
-    const set = readVgs(new Uint8Array(readFileSync(splats)));
-    const field = decodeSplats([{ set, numbers: [] }], () => {});
-    const [nx, ny, nz] = set.grid!.size, [low] = field.faces;
-    if (nx * ny * nz !== mask.length) return null;
-    let sum = 0, count = 0, worst = 0, wrong = 0;
-    for (let z = 0, i = 0; z < nz; z++) for (let y = 0; y < ny; y++) for (let x = 0; x < nx; x++, i++) {
-        const { v, o } = voxel(field, x + low[0], y + low[1], z + low[2]);
-        if ((o > 0.5) !== (mask[i] > 0.5)) wrong++;
-        if (mask[i] <= 0.5) continue;
-        const difference = Math.abs(v - values[i]);
-        sum += difference ** 2;
-        count++;
-        worst = Math.max(worst, difference);
-    }
-    return { rms: Math.sqrt(sum / count), worst, wrong };
-}
 
 /** Likeness of the page's pictures to those of `vgs render`, dB over the whole picture, for each function, lit and unlit. */
 async function likenesses(browser: Browser, splats: string): Promise<number[]> {
@@ -115,7 +79,7 @@ const browser = await launch();
 const rows = [];
 for (const argument of process.argv.slice(2)) {
     const [name, splats, volume] = argument.split(/[=,]/);
-    const found = differences(splats, volume);
+    const found = differences(splats, volume, scratch);
     const told = found ? [found.rms.toFixed(3), found.worst.toFixed(2), found.wrong] : ['', '', ''];
     const like = await likenesses(browser, splats);
     const [bytes, first, finished] = await times(browser, splats);

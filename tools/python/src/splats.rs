@@ -119,7 +119,7 @@ impl Arrays<'_> {
             splats.push(splat);
         }
         let labels = self.labels.as_ref().map(|labels| labels.as_array().to_vec());
-        Ok(SplatSet { splats, labels, colours: None, exceptions: Vec::new(), rounding: None, ..like.clone() })
+        Ok(SplatSet { splats, labels, colours: None, rounding: None, ..like.clone() })
     }
 }
 
@@ -286,7 +286,7 @@ impl Splats {
     /// Name of what the splats are meant for: voxels, a field, or colours.
     #[getter]
     fn form(&self) -> &'static str {
-        self.0.form.name()
+        self.0.form_name()
     }
 
     #[getter]
@@ -401,7 +401,7 @@ impl Splats {
                         let splats = set.to_voxel(&of.world_from_voxel);
                         evaluate::evaluate(gpu, &splats, &set.field, of, region, protocol)
                     }
-                    Form::Grid { .. } => evaluate_decoded(gpu, set, of, region, protocol),
+                    Form::Grid => evaluate_decoded(gpu, set, of, region, protocol),
                 })
             })
         };

@@ -5,18 +5,20 @@ usage: rate-distortion.py DATA OUT.csv [CASE...]     adds rows; VGS is the comma
        rate-distortion.py --plot OUT.csv OUT.svg
        rate-distortion.py --pictures DATA OUT.png    pictures at equal bytes
 
-It needs numpy scipy nibabel h5py hdf5plugin matplotlib
+It needs numpy scipy nibabel h5py hdf5plugin imagecodecs matplotlib
 
-All count the mask: splats show its shape by themselves, codecs get it as packed bits, compressed by xz. Codecs see the box
-around the mask, in which what is outside is filled smoothly, or ("inside") the voxels of the mask alone, row by row. PSNR
-is over the range of the whole volume, at the voxels of the mask.
+All count the mask as vgs codes it, splats in their file. Codecs see the box around the mask, in which what is outside is
+filled smoothly, or ("inside") the voxels of the mask alone, row by row; "coded" is the near-lossless coder of the
+engine (STUDIES is the command that runs studies). Thick slices have none between them. PSNR is over the range of the whole
+volume, at the voxels of the mask.
 """
 import csv, json, lzma, os, subprocess, sys, tempfile
-import h5py, hdf5plugin, nibabel, numpy as np
+import h5py, hdf5plugin, imagecodecs, nibabel, numpy as np
 from scipy.fft import dctn, idctn
 from scipy.ndimage import map_coordinates
 
 VGS = os.environ.get("VGS", "tools/vgs").split()
+STUDIES = os.environ.get("STUDIES", "tools/run target/release/studies").split()
 # Volume, mask (none: all of it), densities of splats.
 CASES = {
     "torso bones": ("ct-torso-3mm/ct", "ct-torso-3mm/mask_bones", [0.0125, 0.025, 0.05, 0.1, 0.2]),
@@ -37,11 +39,14 @@ LINES = {
     "lossless": ("black", "--"),
     "splats, .vgs": ("tab:red", "o-"),
     "splats, PLY": ("tab:red", "o:"),
+    "coded": ("black", "D-"),
     "SZ3": ("tab:blue", "s-"),
     "SZ3, inside": ("tab:blue", "s--"),
     "zfp": ("tab:green", "^-"),
     "SPERR": ("tab:purple", "v-"),
     "DCT": ("tab:orange", "x-"),
+    "JPEG-LS": ("tab:brown", "+-"),
+    "JPEG XL": ("tab:pink", "1-"),
 }
 
 
@@ -72,6 +77,22 @@ def through_dct(box, step):
     size = xz(small.astype("<i2").tobytes()) if abs(small).max() > 127 else xz(small.astype(np.int8).tobytes())
     back = idctn(codes * step, axes=(3, 4, 5), norm="ortho").transpose(0, 3, 1, 4, 2, 5).reshape(padded.shape)
     return size, back[tuple(slice(n) for n in box.shape)]
+
+
+def by_slices(box, encode, decode):
+    """Codes a box slice by slice, in whole numbers from its least one on; returns the bytes and what comes back."""
+    low = np.floor(box.min())
+    slices = [encode(np.ascontiguousarray(np.rint(box[:, :, z] - low).astype(np.uint16))) for z in range(box.shape[2])]
+    back = np.stack([decode(data) for data in slices], axis=2).astype(np.float64) + low
+    return sum(map(len, slices)), back.reshape(box.shape)
+
+
+def coded(ct, region):
+    """Returns what the near-lossless coder makes of a region, for each bound; it has the bytes of the mask, too."""
+    flags = [] if region[0] == "--roi-threshold" else region
+    command = [*STUDIES, "code", ct, *flags, "--bounds", "0,3,6,10,15,30,60,90,120,200"]
+    lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
+    return [json.loads(line) for line in lines if line.startswith("{")]
 
 
 def lossless(box, inside):
@@ -106,7 +127,8 @@ def measure(name, data, write):
     inside = mask[corner]
     alone = np.ascontiguousarray(volume[corner][inside])
     voxels = int(mask.sum())
-    of_mask = 0 if inside.all() else xz(np.packbits(inside).tobytes())
+    of_engine = coded(ct, region)
+    of_mask = 0 if inside.all() else of_engine[0]["region_bytes"]
 
     def row(method, setting, size, psnr):
         write(dict(case=name, voxels=voxels, method=method, setting=setting, bytes=size, bytes_a_voxel=size / voxels,
@@ -115,7 +137,8 @@ def measure(name, data, write):
     def codec(method, setting, result):
         size, back = result
         error = (back[inside] if back.ndim == 3 else back).astype(np.float64) - alone
-        row(method, setting, size + of_mask, 10 * np.log10(span**2 / np.mean(error**2)))
+        mean = np.mean(error**2)
+        row(method, setting, size + of_mask, 10 * np.log10(span**2 / mean) if mean else "")
 
     row("lossless", "xz", lossless(box, inside) + of_mask, "")
     for bound in (400, 250, 160, 100, 60, 40, 25, 16, 10, 6, 4):
@@ -125,11 +148,20 @@ def measure(name, data, write):
         codec("SPERR", bound, through_hdf5(box, dict(hdf5plugin.Sperr(absolute=float(bound)))))
     for step in (1200, 800, 500, 320, 200, 120, 80, 50, 30, 20):
         codec("DCT", step, through_dct(box, float(step)))
+    for bound in (0, 2, 4, 8, 16, 30, 60):
+        codec("JPEG-LS", bound, by_slices(box, lambda a: imagecodecs.jpegls_encode(a, level=bound), imagecodecs.jpegls_decode))
+    for distance in (0.1, 0.3, 1, 2, 4, 8):
+        encode = lambda a: imagecodecs.jpegxl_encode(a, distance=distance)
+        codec("JPEG XL", distance, by_slices(box, encode, imagecodecs.jpegxl_decode))
+    for found in of_engine:
+        psnr = 10 * np.log10(span**2 / found["rmse"] ** 2) if found["rmse"] else ""
+        row("coded", found["bound"], found["value_bytes"] + of_mask, psnr)
     with tempfile.TemporaryDirectory() as scratch:
         for density in densities:
             ply, small = f"{scratch}/a.ply", f"{scratch}/a.vgs"
-            run("fit", ct, *region, "--density", density, "-o", ply, "--no-eval", "-q", "--force")
-            run("convert", ply, "-o", small, "--volume", ct, *region, "--force", "-q")
+            fit = ["fit", ct, *region, "--density", density, "--between-slices", "linear", "--no-eval", "-q", "--force"]
+            run(*fit, "-o", ply)
+            run(*fit, "-o", small)
             for method, path in (("splats, PLY", ply), ("splats, .vgs", small)):
                 found = json.loads(run("eval", path, ct, *region, "--offsets", 0, "--json"))
                 row(method, found["splats"], os.path.getsize(path), found["psnr_db"])
@@ -161,7 +193,7 @@ def finest(compress, bytes_left):
 def picture_row(name, density, preset, side, data):
     """Returns pictures with titles: the CT, the splats in a .vgs, and two codecs at no more bytes."""
     ct, region, volume, mask, corner, box = read_case(name, data)
-    of_mask = xz(np.packbits(mask[corner]).tobytes())
+    of_mask = coded(ct, region)[0]["region_bytes"]
     affine = nibabel.load(ct).affine
     ends = np.array([[s.start, s.stop - 1] for s in corner])
     ends = np.array([affine @ [*(ends[k, i >> k & 1] for k in range(3)), 1] for i in range(8)])[:, :3]
@@ -187,9 +219,8 @@ def picture_row(name, density, preset, side, data):
             nibabel.save(nibabel.Nifti1Image(whole.astype(np.float32), affine), path)
             return render(path, *region)
 
-        ply, small = f"{scratch}/a.ply", f"{scratch}/a.vgs"
-        run("fit", ct, *region, "--density", density, "-o", ply, "--no-eval", "-q")
-        run("convert", ply, "-o", small, "--volume", ct, *region, "-q")
+        small = f"{scratch}/a.vgs"
+        run("fit", ct, *region, "--density", density, "--between-slices", "linear", "-o", small, "--no-eval", "-q")
         size = os.path.getsize(small)
         left = size - of_mask
         truth = render_volume(box)

@@ -1,11 +1,9 @@
 //! Evaluates the field of splats on the host, at single points and along rays. For splats that are fitted
 //! for a grid it is the field at the voxels around, interpolated, as mode decoded shows it.
 
-use std::collections::HashMap;
-
 use crate::Look;
 use glam::{DAffine3, DMat3, DVec3, UVec3};
-use splat::{self, Activations, Field, Form, Splat, SplatSet};
+use splat::{self, Activations, Field, Form, Region, Splat, SplatSet};
 
 /// Greatest number of cells of the grid.
 const MOST_CELLS: f64 = 4e6;
@@ -43,30 +41,28 @@ struct Voxels {
     set_from_voxel: DAffine3,
     /// Index of the last voxel along each axis.
     last: DVec3,
-    /// True if an occupancy above ½ counts as 1 and any other as 0, but for the exceptions.
-    binary: bool,
-    /// Voxels whose occupancy is not the rounded one, with 1 if they are inside the mask.
-    exceptions: HashMap<[u16; 3], bool>,
+    /// The voxels that are shown, if the splats do not say how much of each is.
+    region: Option<Region>,
 }
 
 impl Voxels {
     fn of(set: &SplatSet) -> Option<Box<Self>> {
-        let Form::Grid { binary } = set.form else { return None };
-        let splat::Grid { size, world_from_voxel } = set.grid?;
-        let set_from_voxel = DAffine3::from_translation(-set.origin_mm) * world_from_voxel;
-        let last = UVec3::from_array(size).as_dvec3() - 1.0;
-        let exceptions = set.exceptions.iter().map(|e| (e.voxel, e.inside)).collect();
+        let (Form::Grid, Some(grid)) = (set.form, set.grid) else { return None };
+        let set_from_voxel = DAffine3::from_translation(-set.origin_mm) * grid.world_from_voxel;
+        let last = UVec3::from_array(grid.size).as_dvec3() - 1.0;
         let voxel_from_set = set_from_voxel.inverse();
-        Some(Box::new(Voxels { voxel_from_set, set_from_voxel, last, binary, exceptions }))
+        Some(Box::new(Voxels { voxel_from_set, set_from_voxel, last, region: set.region.clone() }))
     }
 
-    /// Returns the occupancy that is shown at a voxel of the grid, of that which the splats have there.
-    fn shown(&self, voxel: DVec3, occupancy: f64) -> f64 {
-        if !self.binary {
-            return occupancy;
+    /// Returns what is shown at a voxel of the grid, of what the splats have there.
+    fn shown(&self, voxel: DVec3, found: Sample) -> Sample {
+        let Some(region) = &self.region else { return found };
+        let object = region.at(voxel.to_array().map(|v| v as i64));
+        let share = if found.occupancy > 0.0 { found.share / found.occupancy } else { 0.0 };
+        match object {
+            Some(object) => Sample { occupancy: 1.0, share, object: object.number, ..found },
+            None => Sample { occupancy: 0.0, share: 0.0, ..found },
         }
-        let exception = self.exceptions.get(&voxel.to_array().map(|v| v as u16));
-        f64::from(u8::from(exception.copied().unwrap_or(occupancy > 0.5)))
     }
 }
 
@@ -301,13 +297,18 @@ impl Probe {
             let inside = voxel.cmpge(DVec3::ZERO).all() && voxel.cmple(voxels.last).all();
             let sums = self.sums(voxels.set_from_voxel.transform_point3(voxel), shown, true);
             let Some(found) = self.sample_field(&sums).filter(|_| weight > 1e-9) else { continue };
-            let occupancy = if inside { voxels.shown(voxel, found.occupancy) } else { 0.0 };
-            there += weight;
-            mean.intensity += weight * found.intensity;
-            mean.occupancy += weight * occupancy;
-            mean.share += weight * occupancy * (found.share / found.occupancy);
-            if weight * occupancy > most {
-                (most, mean.object) = (weight * occupancy, found.object);
+            let found = match inside {
+                true => voxels.shown(voxel, found),
+                false => Sample { occupancy: 0.0, share: 0.0, ..found },
+            };
+            // Beyond a region V is continued from inside.
+            let counts = if voxels.region.is_some() { weight * found.occupancy } else { weight };
+            there += counts;
+            mean.intensity += counts * found.intensity;
+            mean.occupancy += weight * found.occupancy;
+            mean.share += weight * found.share;
+            if weight * found.occupancy > most {
+                (most, mean.object) = (weight * found.occupancy, found.object);
             }
         }
         // If no splat reaches a voxel, its neighbours' intensity is taken.

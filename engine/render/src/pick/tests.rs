@@ -228,18 +228,25 @@ fn splats_of_a_grid_are_read_at_its_voxels_and_interpolated() {
         DVec3::new(4.0, -8.0, 1010.0),
     );
     let grid = splat::Grid { size: [30, 30, 90], world_from_voxel: affine };
-    let grid_set = SplatSet { form: Form::Grid { binary: true }, grid: Some(grid), ..field.clone() };
+    let grid_set = SplatSet { form: Form::Grid, grid: Some(grid), ..field.clone() };
     let (everywhere, probe) = (Probe::new(&field), Probe::new(&grid_set));
-    // Voxels that splats reach keep their intensity and take the occupancy that the file lists.
-    let middle = splat::Exception { voxel: [15, 15, 45], inside: false };
-    let excepting = |inside| {
-        let exceptions = vec![splat::Exception { inside, ..middle }];
-        Probe::new(&SplatSet { exceptions, ..grid_set.clone() })
-            .at(affine.transform_point3(DVec3::new(15.0, 15.0, 45.0)))
+    // Voxels of a region have the occupancy that it says, and beyond it V is its own.
+    let middle = [15, 15, 45];
+    let of = |inside: bool| {
+        let region = splat::Region::of([30, 30, 90], |i| {
+            let x = (i % 30) as u32;
+            (x < middle[0] || inside && x == middle[0]).then_some(0)
+        });
+        Probe::new(&SplatSet { region, ..grid_set.clone() })
     };
-    let [out, inside] = [false, true].map(|inside| excepting(inside).expect("splats reach the middle"));
-    assert_eq!((out.occupancy, out.intensity), (0.0, inside.intensity));
+    let voxel = DVec3::from_array(middle.map(f64::from));
+    let read = |inside: bool, voxel: DVec3| of(inside).at(affine.transform_point3(voxel));
+    assert_eq!(read(false, voxel), None, "V of what does not belong to it is nobody's");
+    let inside = read(true, voxel).expect("splats reach the middle");
     assert!((inside.occupancy - 1.0).abs() < 1e-9, "{}", inside.occupancy);
+    let beside = read(true, voxel + 0.25 * DVec3::X).expect("at the edge");
+    assert!((beside.occupancy - 0.75).abs() < 1e-6, "{}", beside.occupancy);
+    assert!((beside.intensity - inside.intensity).abs() < 1e-6, "{} {}", beside.intensity, inside.intensity);
     let at = |voxel: DVec3| probe.at(affine.transform_point3(voxel));
     let mut between = 0;
     for i in 0..29 * 29 * 80 {
@@ -248,8 +255,7 @@ fn splats_of_a_grid_are_read_at_its_voxels_and_interpolated() {
         assert_eq!(at(voxel).is_some(), wanted.is_some(), "{voxel}");
         let (Some(here), Some(wanted)) = (at(voxel), wanted) else { continue };
         assert!((here.intensity - wanted.intensity).abs() < 1e-6, "{voxel}");
-        let binary = f64::from(u8::from(wanted.occupancy > 0.5));
-        assert!((here.occupancy - binary).abs() < 1e-9, "{voxel}");
+        assert!((here.occupancy - wanted.occupancy).abs() < 1e-9, "{voxel}");
         if let (Some(next), Some(half)) = (at(voxel + DVec3::X), at(voxel + 0.5 * DVec3::X)) {
             between += 1;
             let mean = 0.5 * (here.intensity + next.intensity);

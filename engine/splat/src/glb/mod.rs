@@ -9,7 +9,7 @@
 //! Beside them stand attributes of an application, which other programs ignore: `_LABEL`, a byte; and of splats whose
 //! colours were made of intensities `_HU` (or `_INTENSITY`, without that unit), `_OPACITY_LOGIT` and `_WIDENING`, the
 //! factor by which SCALE is wider than σ. The `extras` of the primitive have what a PLY has as comments, and the view
-//! of the exceptions as bytes. So a file is again the set that it was made of, but for the splats that its transfer
+//! of the region as bytes. So a file is again the set that it was made of, but for the splats that its transfer
 //! function hid, and for rounding.
 //!
 //! **What is read**: all primitives with the extension of the scene, wherever its nodes put them, from accessors of any

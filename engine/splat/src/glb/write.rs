@@ -10,8 +10,8 @@ use super::{AXES, FLOAT, HU, INTENSITY, LABEL, LOGIT, NAME, POINTS, UNSIGNED_BYT
 use crate::activation::{Activations, normalised};
 use crate::harmonics::{SH0, basis_count};
 use crate::ordinary::Ordinary;
-use crate::ply::{comments, exceptions};
-use crate::{SplatSet, WriteOptions};
+use crate::ply::comments;
+use crate::{Region, SplatSet, WriteOptions};
 use base::error::{Error, Kind, Result};
 use base::output::counted;
 use base::unit::Unit;
@@ -82,7 +82,7 @@ struct Encoder<'a> {
     set: Ordinary,
     attributes: Vec<Attribute<'a>>,
     /// Bytes after the attributes.
-    exceptions: Vec<u8>,
+    region: Vec<u8>,
     json: String,
     /// Bytes of the JSON and of the rest.
     lengths: [u32; 2],
@@ -98,15 +98,15 @@ impl<'a> Encoder<'a> {
             return Err(Error::new(Kind::Internal, "VGS-SPLAT-011", message));
         }
         let attributes = attributes(set, made_of);
-        let mut exceptions = exceptions::bytes(&stated.exceptions, stated.grid.as_ref());
-        let count = exceptions.len();
+        let mut region = stated.region.as_ref().map(Region::encode).unwrap_or_default();
+        let count = region.len();
         // A chunk is a multiple of four bytes, and one of JSON ends with spaces.
-        exceptions.resize(count.next_multiple_of(4), 0);
+        region.resize(count.next_multiple_of(4), 0);
         let mut json = document(&ordinary, &attributes, stated, count).to_string();
         json.extend(std::iter::repeat_n(' ', json.len().wrapping_neg() % 4));
         let bytes: u64 = attributes.iter().map(|attribute| attribute.bytes as u64).sum();
-        let lengths = lengths(json.len(), bytes, set.splats.len(), exceptions.len())?;
-        Ok(Encoder { set: ordinary, attributes, exceptions, json, lengths })
+        let lengths = lengths(json.len(), bytes, set.splats.len(), region.len())?;
+        Ok(Encoder { set: ordinary, attributes, region, json, lengths })
     }
 
     fn encode(&self, out: &mut dyn Write) -> io::Result<()> {
@@ -130,7 +130,7 @@ impl<'a> Encoder<'a> {
                 out.write_all(&block)?;
             }
         }
-        out.write_all(&self.exceptions)
+        out.write_all(&self.region)
     }
 }
 
@@ -196,9 +196,9 @@ fn light_of(srgb: f32) -> f32 {
     if v <= 0.04045 { v / 12.92 } else { ((v + 0.055) / 1.055).powf(2.4) }
 }
 
-/// Returns the JSON of a file; `stated` says what else is known of its splats, and `exceptions` bytes follow the
+/// Returns the JSON of a file; `stated` says what else is known of its splats, and the `region` bytes of its region follow the
 /// attributes.
-fn document(set: &Ordinary, attributes: &[Attribute], stated: &SplatSet, exceptions: usize) -> Value {
+fn document(set: &Ordinary, attributes: &[Attribute], stated: &SplatSet, region: usize) -> Value {
     let count = set.splats.len();
     let mut at = 0;
     let (mut views, mut accessors, mut names) = (Vec::new(), Vec::new(), Map::new());
@@ -238,10 +238,10 @@ fn document(set: &Ordinary, attributes: &[Attribute], stated: &SplatSet, excepti
     let comments = comments::of_set(stated);
     let comments: Vec<_> = comments.lines().filter_map(|line| line.strip_prefix("comment ")).collect();
     let mut own = json!({ "statements": comments });
-    if exceptions > 0 {
-        own["exceptions"] = json!(views.len());
-        views.push(json!({ "buffer": 0, "byteOffset": at, "byteLength": exceptions }));
-        at += exceptions;
+    if region > 0 {
+        own["region"] = json!(views.len());
+        views.push(json!({ "buffer": 0, "byteOffset": at, "byteLength": region }));
+        at += region;
     }
     json!({
         "asset": { "version": "2.0", "generator": concat!("vgs ", env!("CARGO_PKG_VERSION")) },

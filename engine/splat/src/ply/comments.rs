@@ -31,7 +31,8 @@ pub(crate) struct Stated {
     pub grid_affine: Option<[f64; 12]>,
     /// Checksum of the samples of the volume that the splats were fitted to.
     pub volume_crc32: Option<u32>,
-    pub form: Option<Form>,
+    /// The form and its name.
+    pub form: Option<(Form, &'static str)>,
     /// Names of labels, in ascending order of the labels.
     pub label_names: Vec<(u8, String)>,
 }
@@ -49,7 +50,7 @@ pub(crate) fn of_set(set: &SplatSet) -> String {
             text(&grid.rows())
         )
     });
-    let form = of_form(set.form);
+    let form = of_form(set.form, set.region.is_some());
     let name = |(label, name): &(u8, String)| format!("comment vgs.label {label} {name}\n");
     let names: String = set.label_names.iter().map(name).collect();
     common(set, &place, &format!("comment vgs.intensity {intensity}\n{grid}{form}")) + &names
@@ -58,15 +59,15 @@ pub(crate) fn of_set(set: &SplatSet) -> String {
 /// Returns the comment lines of `set` in the layout of the paper's authors; `low` and `high` are the
 /// intensities at 0 and 1 of `intensity_01`.
 pub(super) fn of_reference(set: &SplatSet, [low, high]: [f32; 2]) -> String {
-    let range = format!("comment vgs.intensity_01_range {low} {high}\n{}", of_form(set.form));
+    let range = format!("comment vgs.intensity_01_range {low} {high}\n{}", of_form(set.form, false));
     common(set, "comment vgs.layout reference\n", &range)
 }
 
 /// Returns the comment line of a form; empty for [`Form::Field`], which a file without the line stands for.
-fn of_form(form: Form) -> String {
+fn of_form(form: Form, region: bool) -> String {
     match form {
         Form::Field => String::new(),
-        Form::Grid { .. } => format!("comment vgs.form {}\n", form.name()),
+        Form::Grid => format!("comment vgs.form {}\n", form.name(region)),
     }
 }
 

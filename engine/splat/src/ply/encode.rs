@@ -3,9 +3,9 @@
 use std::io::Write;
 
 use super::names::{COLOUR_PROPERTIES, INTENSITY_ELEMENT, INTENSITY_PROPERTY, LABEL_PROPERTY, rest_property};
-use super::{comments, exceptions};
+use super::{comments, region};
 use crate::harmonics::{MAX_BASIS, SH0, basis_count};
-use crate::{Harmonics, SplatSet};
+use crate::{Harmonics, Region, SplatSet};
 
 /// Vertex properties as they are written, before and after the colour.
 const BEFORE: [&str; 6] = ["x", "y", "z", "nx", "ny", "nz"];
@@ -51,8 +51,11 @@ pub(super) fn encode(set: &SplatSet, shape: Row, out: &mut dyn Write) -> std::io
             beside().map(|(_, name, kind)| format!("property {kind} {name}\n")).collect();
         write!(out, "element {INTENSITY_ELEMENT} {count}\n{properties}")?;
     }
-    let exceptions = exceptions::bytes(&set.exceptions, set.grid.as_ref());
-    writeln!(out, "{}end_header", exceptions::declared(exceptions.len()))?;
+    let bytes = set.region.as_ref().map(Region::encode);
+    if let Some(bytes) = &bytes {
+        write!(out, "{}", region::declared(bytes.len()))?;
+    }
+    writeln!(out, "end_header")?;
 
     let grey = grey_of_intensity(set);
     let mut row = Vec::with_capacity(names.len());
@@ -91,7 +94,7 @@ pub(super) fn encode(set: &SplatSet, shape: Row, out: &mut dyn Write) -> std::io
         }
         out.write_all(&block)?;
     }
-    out.write_all(&exceptions)
+    out.write_all(&bytes.unwrap_or_default())
 }
 
 /// Appends the coefficients of splat `i` in the order of a file: degree 0 of the three channels, then `basis`

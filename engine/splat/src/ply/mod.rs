@@ -32,12 +32,12 @@
 
 pub(super) mod comments;
 mod encode;
-pub(super) mod exceptions;
 mod header;
 mod layout;
 mod names;
 mod read;
 pub(super) mod reference;
+pub(super) mod region;
 mod rows;
 #[cfg(test)]
 mod tests;

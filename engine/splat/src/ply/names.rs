@@ -7,9 +7,10 @@ pub(super) const LABEL_PROPERTY: &str = "label";
 /// The second element of some files, with one row per vertex.
 pub(super) const INTENSITY_ELEMENT: &str = "splat_intensity";
 
-/// The element of voxels whose occupancy is not the rounded one, and its property, a byte of their code.
+/// The element of a region, and that of files from before there were regions; and its property, a byte of their code.
+pub(super) const REGION_ELEMENT: &str = "region";
 pub(super) const EXCEPTION_ELEMENT: &str = "exception";
-pub(super) const EXCEPTION_PROPERTY: &str = "code";
+pub(super) const CODE_PROPERTY: &str = "code";
 
 /// The colour of degree 0; [`rest_property`] names the others.
 pub(super) const COLOUR_PROPERTIES: [&str; 3] = ["f_dc_0", "f_dc_1", "f_dc_2"];

@@ -9,13 +9,14 @@ use super::header::{Header, bad, quoted};
 use super::layout::{INRIA, PLY_LAYOUTS};
 use super::names::{
     COLOUR_PROPERTIES, EXCEPTION_ELEMENT, INTENSITY_ELEMENT, INTENSITY_PROPERTY, LABEL_PROPERTY,
-    rest_property,
+    REGION_ELEMENT, rest_property,
 };
 use super::rows::{self, Column};
-use super::{comments, exceptions, reference};
+use super::{comments, reference, region};
 use crate::activation::ANISOTROPY_LIMIT;
 use crate::harmonics::{MAX_BASIS, MAX_DEGREE, basis_count, luminance};
 use crate::mend::{Mended, bound_opacities, ordinary_field, zeros};
+use crate::region::Stored;
 use crate::{Harmonics, ReadOptions, Splat, SplatSet, Summary, Unplaced};
 use base::error::{Error, Result};
 use base::unit::Unit;
@@ -123,11 +124,12 @@ pub(super) fn load(
     } else {
         Layout::of(vertex, beside_columns.as_ref().is_some_and(Beside::has_intensity))?
     };
-    // Without a grid the element is another program's.
+    // Without a grid these elements are another program's.
     let grid = stated.grid();
-    let excepted = header.element(EXCEPTION_ELEMENT).filter(|_| grid.is_some());
-    let last =
-        [beside, excepted].into_iter().flatten().map(|(index, _)| index).fold(vertex_index, usize::max);
+    let of_region =
+        [REGION_ELEMENT, EXCEPTION_ELEMENT].map(|name| header.element(name).filter(|_| grid.is_some()));
+    let read = of_region.into_iter().chain([beside]).flatten();
+    let last = read.map(|(index, _)| index).fold(vertex_index, usize::max);
     let payload_bytes = bytes.saturating_sub(header.payload_start);
     header.check_size(last, payload_bytes)?;
     match header.trailing_bytes(payload_bytes) {
@@ -145,10 +147,15 @@ pub(super) fn load(
     let beside_has_label = beside_columns.as_ref().is_some_and(|beside| beside.label.is_some());
     let labelled = layout.has_label || beside_has_label;
     let mut labels = if labelled { Labels::of(zeros(count)?) } else { Labels::default() };
-    let mut exceptions = Vec::new();
+    let (form, form_name) = stated.form.unwrap_or_default();
+    let mut stored = Stored { form: form_name, ..Stored::default() };
     for (index, element) in header.elements.iter().enumerate().take(last + 1) {
         if let Some(grid) = grid.as_ref().filter(|_| element.name == EXCEPTION_ELEMENT) {
-            exceptions = exceptions::read(&mut source, &header, element, grid)?;
+            let bytes = region::read(&mut source, &header, element)?;
+            stored.exceptions =
+                region::exceptions(&bytes, grid).map_err(|what| region::broken(&element.name, what))?;
+        } else if grid.is_some() && element.name == REGION_ELEMENT {
+            stored.bytes = Some(region::read(&mut source, &header, element)?);
         } else if index == vertex_index {
             let mut fill = |i: usize, row: &[f32]| {
                 layout.fill(&mut splats[i], &mut beyond, i, row);
@@ -193,8 +200,7 @@ pub(super) fn load(
         iterations: stated.iterations,
         grid,
         volume_crc32: stated.volume_crc32,
-        form: stated.form.unwrap_or_default(),
-        exceptions,
+        form,
         colours: layout.degree.map(|degree| Harmonics { degree, coefficients: beyond }),
         labels,
         splats,
@@ -224,6 +230,7 @@ pub(super) fn load(
         rows.check(&set.splats)?;
     }
     set.label_names = stated.label_names;
+    set.region = stored.region(&set)?.map_err(|what| region::broken(REGION_ELEMENT, what))?;
     let layout = match (by_reference, ours) {
         (true, _) => reference::NAME,
         (false, true) if layout.source == Source::Element && fixed => INRIA,

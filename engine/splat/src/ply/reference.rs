@@ -236,8 +236,8 @@ pub(super) fn losses(set: &SplatSet, place: Option<&Place>) -> Vec<String> {
     if set.labels.is_some() {
         losses.push("the labels of the splats, which it has no place for".to_owned());
     }
-    if !set.exceptions.is_empty() {
-        losses.push(format!("the {} voxels that are exceptions of the occupancy", set.exceptions.len()));
+    if set.region.is_some() {
+        losses.push("the region; what it shows ends softly, where its splats do".to_owned());
     }
     if let Some([low, high]) = place.and_then(|place| place.region_range) {
         let outside = set.splats.iter().filter(|s| !(low..=high).contains(&s.intensity)).count();

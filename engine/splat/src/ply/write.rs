@@ -4,7 +4,7 @@ use std::path::Path;
 
 use super::comments;
 use crate::harmonics::MAX_DEGREE;
-use crate::{Exception, Harmonics, SplatSet, WriteOptions, defect};
+use crate::{Harmonics, SplatSet, WriteOptions, defect};
 use base::error::{Error, Kind, Result};
 use base::output::counted;
 
@@ -34,7 +34,7 @@ pub(crate) fn check(set: &SplatSet) -> Result<()> {
     }
     let defect = comments::defect(&set.field, set.origin_mm)
         .or_else(|| set.grid.and_then(|grid| grid.defect()))
-        .or_else(|| Exception::defect(&set.exceptions, set.grid.as_ref()))
+        .or_else(|| set.region.as_ref().and_then(|region| region.defect(set.grid.as_ref())))
         .or_else(|| set.label_defect())
         .or_else(|| set.colours.as_ref().and_then(|colours| colour_defect(colours, set)));
     match defect {

@@ -21,14 +21,21 @@ pub struct Bit {
 }
 
 impl Bit {
-    const EVEN: Bit = Bit { zero: 1 << 15, seen: 0 };
+    /// A bit of which nothing is known.
+    pub const EVEN: Bit = Bit { zero: 1 << 15, seen: 0 };
+
+    /// Returns the probability of a 0 in 1/65536.
+    pub fn zero(self) -> u32 {
+        u32::from(self.zero)
+    }
 
     /// Returns where a range is divided: the part of a 0, neither empty nor whole.
     fn bound(self, range: u32) -> u32 {
         (range >> PROBABILITY_BITS) * u32::from(self.zero >> 1).clamp(32, (1 << PROBABILITY_BITS) - 32)
     }
 
-    fn learn(&mut self, bit: bool) {
+    /// Learns a bit that was seen.
+    pub fn learn(&mut self, bit: bool) {
         let (at, target) = (i32::from(self.zero), if bit { 0 } else { 65535 });
         self.zero = (at + (target - at) * 2 / (2 * i32::from(self.seen) + 3)) as u16;
         self.seen = (self.seen + 1).min(MEMORY);
@@ -48,6 +55,25 @@ impl Tree {
         let bits = 32 - last.leading_zeros();
         assert!(bits <= 16, "{last} is too many for a tree");
         Tree { bits, nodes: vec![Bit::EVEN; 1 << bits] }
+    }
+}
+
+/// Writes bits, or reads them: what walks over the same decisions for both is written once.
+pub trait Channel {
+    /// Writes `bit` and returns it, or reads a bit and returns that. `zero` is the probability of a 0 in
+    /// 1/65536, neither 0 nor 65536.
+    fn bit(&mut self, bit: bool, zero: u32) -> bool;
+}
+
+impl Channel for Encoder {
+    fn bit(&mut self, bit: bool, zero: u32) -> bool {
+        self.divided((self.range >> 16) * zero, bit)
+    }
+}
+
+impl Channel for Decoder<'_> {
+    fn bit(&mut self, _: bool, zero: u32) -> bool {
+        self.divided((self.range >> 16) * zero)
     }
 }
 
@@ -74,18 +100,28 @@ impl Encoder {
         let mut node = 1;
         for k in (0..tree.bits).rev() {
             let bit = number >> k & 1 == 1;
-            let model = &mut tree.nodes[node];
-            let bound = model.bound(self.range);
-            if bit {
-                self.low += u64::from(bound);
-                self.range -= bound;
-            } else {
-                self.range = bound;
-            }
-            model.learn(bit);
-            self.shift();
+            self.modelled(&mut tree.nodes[node], bit);
             node = node << 1 | usize::from(bit);
         }
+    }
+
+    /// Writes a bit under its model.
+    pub fn modelled(&mut self, model: &mut Bit, bit: bool) {
+        let bound = model.bound(self.range);
+        model.learn(bit);
+        self.divided(bound, bit);
+    }
+
+    /// Writes a bit, `bound` being the part of the range that a 0 has.
+    fn divided(&mut self, bound: u32, bit: bool) -> bool {
+        if bit {
+            self.low += u64::from(bound);
+            self.range -= bound;
+        } else {
+            self.range = bound;
+        }
+        self.shift();
+        bit
     }
 
     /// Writes one of `count` equally likely numbers, `count` at most 65536.
@@ -152,20 +188,30 @@ impl<'a> Decoder<'a> {
     pub fn number(&mut self, tree: &mut Tree) -> u32 {
         let mut node = 1;
         for _ in 0..tree.bits {
-            let model = &mut tree.nodes[node];
-            let bound = model.bound(self.range);
-            let bit = self.code >= bound;
-            if bit {
-                self.code -= bound;
-                self.range -= bound;
-            } else {
-                self.range = bound;
-            }
-            model.learn(bit);
-            self.shift();
+            let bit = self.modelled(&mut tree.nodes[node]);
             node = node << 1 | usize::from(bit);
         }
         node as u32 - (1 << tree.bits)
+    }
+
+    /// Reads a bit under its model.
+    pub fn modelled(&mut self, model: &mut Bit) -> bool {
+        let bit = self.divided(model.bound(self.range));
+        model.learn(bit);
+        bit
+    }
+
+    /// Reads a bit, `bound` being the part of the range that a 0 has.
+    fn divided(&mut self, bound: u32) -> bool {
+        let bit = self.code >= bound;
+        if bit {
+            self.code -= bound;
+            self.range -= bound;
+        } else {
+            self.range = bound;
+        }
+        self.shift();
+        bit
     }
 
     /// Reads one of `count` equally likely numbers.
@@ -243,6 +289,23 @@ mod tests {
                 assert!(!decoder.is_beyond());
             }
         }
+    }
+
+    #[test]
+    fn bits_of_given_probabilities_are_read() {
+        let mut rng = Pcg64::seed_from_u64(9);
+        let bits: Vec<(bool, u32)> = (0..30_000)
+            .map(|_| {
+                let zero = [1, 24, 20_000, 65_535][rng.random_range(0..4)];
+                (rng.random_range(0..65_536) >= zero, zero)
+            })
+            .collect();
+        let mut encoder = Encoder::default();
+        bits.iter().for_each(|&(bit, zero)| assert_eq!(encoder.bit(bit, zero), bit));
+        let bytes = encoder.finish();
+        let mut decoder = Decoder::new(&bytes);
+        assert!(bits.iter().all(|&(bit, zero)| decoder.bit(false, zero) == bit));
+        assert!(!decoder.is_beyond() && bytes.len() < 1000, "{} bytes", bytes.len());
     }
 
     #[test]

@@ -12,8 +12,10 @@ use super::lattice::Lattice;
 use super::layers::{self, COLUMNS, Models, Row};
 use super::rounding::{Cells, Rounding, Steps};
 use crate::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
+use crate::region::Stored;
 use crate::{
-    Field, Form, Grid, Kernel, ReadOptions, SplatSet, Summary, Unplaced, WriteOptions, by_importance, defect,
+    Field, Form, Grid, Kernel, ReadOptions, Region, SplatSet, Summary, Unplaced, WriteOptions, by_importance,
+    defect,
 };
 use base::error::{Error, Kind, Result};
 use base::memory;
@@ -21,11 +23,11 @@ use base::unit::Unit;
 
 /// The first bytes of a file; they tell when it went through a program that changes line ends.
 pub const MARK: [u8; 8] = *b"\x89VGS\r\n\x1a\n";
-/// Version of the format.
-const VERSION: u32 = 1;
+/// Versions of the format that are read; the last is written. Version 1 has exceptions instead of a region.
+const VERSIONS: std::ops::RangeInclusive<u32> = 1..=2;
 /// Most bytes of a header.
 const LONGEST_HEADER: u32 = 1 << 20;
-/// Most splats or exceptions of a byte: a writer adds zeros where it would have more.
+/// Most splats of a byte: a writer adds zeros where it would have more.
 const MOST_A_BYTE: u64 = 16;
 /// Host bytes that a splat takes while it is read.
 const HOST_BYTES_A_SPLAT: u64 = 128;
@@ -56,8 +58,13 @@ struct Header {
     steps: Steps,
     cells: Cells,
     ranges: [[i32; 2]; COLUMNS],
+    /// The region; `count` is the number of its voxels.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    region: Option<Part>,
     layers: Vec<Part>,
-    exceptions: Part,
+    /// What version 1 has for a region.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    exceptions: Option<Part>,
 }
 
 #[derive(Serialize, Deserialize)]
@@ -77,11 +84,7 @@ struct Part {
 }
 
 impl Part {
-    fn of(count: usize, bytes: &mut Vec<u8>) -> Self {
-        let least = (count as u64).div_ceil(MOST_A_BYTE) as usize;
-        if bytes.len() < least {
-            bytes.resize(least, 0);
-        }
+    fn of(count: usize, bytes: &[u8]) -> Self {
         Part { count: count as u64, bytes: bytes.len() as u64, crc32: crc32(bytes) }
     }
 }
@@ -146,7 +149,8 @@ pub fn encode(set: &SplatSet) -> Result<Vec<u8>> {
         .ok_or_else(unusable)?;
     let ranges = layers::ranges(&rows);
     let mut models = Models::new(&ranges).ok_or_else(unusable)?;
-    let mut payload = Vec::new();
+    let mut payload = set.region.as_ref().map(Region::encode).unwrap_or_default();
+    let region = set.region.as_ref().map(|region| Part::of(region.voxel_count(), &payload));
     let mut parts = Vec::new();
     let ends = if rows.len() < LAYERED {
         vec![rows.len()]
@@ -156,13 +160,12 @@ pub fn encode(set: &SplatSet) -> Result<Vec<u8>> {
     let mut begin = 0;
     for end in ends {
         let mut layer = layers::encode(&mut rows[begin..end], &mut models);
-        parts.push(Part::of(end - begin, &mut layer));
+        let least = ((end - begin) as u64).div_ceil(MOST_A_BYTE) as usize;
+        layer.resize(layer.len().max(least), 0);
+        parts.push(Part::of(end - begin, &layer));
         payload.extend(layer);
         begin = end;
     }
-    let mut exceptions = exceptions::encode(&set.exceptions);
-    let exceptions_part = Part::of(set.exceptions.len(), &mut exceptions);
-    payload.extend(exceptions);
     let header = Header {
         program: format!("vgs {}", env!("CARGO_PKG_VERSION")),
         note: "not for diagnosis".to_owned(),
@@ -174,19 +177,20 @@ pub fn encode(set: &SplatSet) -> Result<Vec<u8>> {
         iterations: set.iterations,
         grid: set.grid.map(|grid| GridHeader { size: grid.size, affine: grid.rows() }),
         volume_crc32: set.volume_crc32,
-        form: set.form.name().to_owned(),
+        form: set.form_name().to_owned(),
         labels: set.labels.is_some(),
         label_names: set.label_names.clone(),
         affine: Grid { size: [1; 3], world_from_voxel: affine }.rows(),
         steps: rounding.steps,
         cells: rounding.cells,
         ranges,
+        region,
         layers: parts,
-        exceptions: exceptions_part,
+        exceptions: None,
     };
     let header = serde_json::to_vec(&header).map_err(|_| unusable())?;
     let mut out = MARK.to_vec();
-    for number in [VERSION, header.len() as u32, crc32(&header)] {
+    for number in [*VERSIONS.end(), header.len() as u32, crc32(&header)] {
         out.extend(number.to_le_bytes());
     }
     out.extend(header);
@@ -221,10 +225,11 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
         ),
         dropped,
         widened,
-        elements: vec![
-            ("splat".to_owned(), set.splats.len() as u64),
-            ("exception".to_owned(), header.exceptions.count),
-        ],
+        elements: vec![("splat".to_owned(), set.splats.len() as u64)]
+            .into_iter()
+            .chain(header.region.map(|region| ("region".to_owned(), region.count)))
+            .chain(header.exceptions.map(|part| ("exception".to_owned(), part.count)))
+            .collect(),
         properties: names
             .iter()
             .map(|name| (*name).to_owned())
@@ -266,9 +271,10 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     let Some(((version, length), crc)) = start else {
         return Err(damaged("the file ends in its first 20 bytes"));
     };
-    if version != VERSION {
+    if !VERSIONS.contains(&version) {
+        let last = VERSIONS.end();
         let message =
-            format!("version {version} of the .vgs format, and this program reads version {VERSION}");
+            format!("version {version} of the .vgs format, and this program reads those up to {last}");
         return Err(Error::new(Kind::BadData, "VGS-FILE-004", message).help("use a newer vgs"));
     }
     let text = (length <= LONGEST_HEADER).then(|| bytes.get(20..20 + length as usize)).flatten();
@@ -286,11 +292,11 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
         );
     }
     let possible = |part: &Part| part.count <= part.bytes.saturating_mul(MOST_A_BYTE);
-    if !header.layers.iter().chain([&header.exceptions]).all(possible) {
+    if !header.layers.iter().chain(&header.exceptions).all(possible) {
         return Err(damaged("more splats than so few bytes can hold"));
     }
     memory::require(declared * HOST_BYTES_A_SPLAT, &format!("{declared} splats"))?;
-    let (field, form, affine, grid) = stated(&header)?;
+    let Frame { field, form: (form, form_name), affine, grid } = stated(&header)?;
     let lattice = Lattice::new(header.steps).ok_or_else(|| damaged("a step is out of range"))?;
     let mut models = Models::new(&header.ranges).ok_or_else(|| damaged("a range is out of range"))?;
     if header.cells.side_log2.abs() > 200 {
@@ -301,6 +307,11 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
         rest = after;
         Some(found)
     };
+    let mut stored = Stored { form: form_name, ..Stored::default() };
+    if let Some(part) = &header.region {
+        let bytes = take(part).filter(|bytes| crc32(bytes) == part.crc32);
+        stored.bytes = Some(bytes.ok_or_else(|| damaged("the region is not as it was written"))?.to_vec());
+    }
     let (mut found, mut missing) = (Vec::new(), 0u64);
     for (index, part) in header.layers.iter().enumerate() {
         let Some(layer) = take(part).filter(|_| missing == 0) else {
@@ -315,22 +326,18 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
         let count = part.count as usize;
         found.extend(layers::decode(layer, count, &mut models, &lattice, &header.cells).ok_or_else(broken)?);
     }
-    let exceptions = match (take(&header.exceptions).filter(|_| missing == 0), &grid) {
-        (Some(bytes), Some(grid)) if crc32(bytes) == header.exceptions.crc32 => {
-            exceptions::decode(bytes, header.exceptions.count as usize, grid)
-                .ok_or_else(|| damaged("the exceptions are not as they were written"))?
+    if missing > 0 {
+        let message = format!("the file ends early: {missing} of {declared} splats are missing");
+        if options.strict || found.is_empty() {
+            return Err(damaged(message));
         }
-        (Some(_), None) if header.exceptions.count == 0 => Vec::new(),
-        (Some(_), _) => return Err(damaged("the exceptions are not as they were written")),
-        (None, _) => {
-            let message = format!("the file ends early: {missing} of {declared} splats are missing");
-            if options.strict || found.is_empty() {
-                return Err(damaged(message));
-            }
-            tracing::warn!("{message}; what is there is shown, coarser");
-            Vec::new()
-        }
-    };
+        tracing::warn!("{message}; what is there is shown, coarser");
+    } else if let (Some(part), Some(grid)) = (&header.exceptions, &grid) {
+        let bytes = take(part).filter(|bytes| crc32(bytes) == part.crc32);
+        let exceptions = bytes.and_then(|bytes| exceptions::decode(bytes, part.count as usize, grid));
+        stored.exceptions =
+            exceptions.ok_or_else(|| damaged("the exceptions are not as they were written"))?;
+    }
     if options.strict && !rest.is_empty() {
         return Err(damaged(format!("{} bytes follow its end", rest.len())));
     }
@@ -359,8 +366,8 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     set.grid = grid;
     set.volume_crc32 = header.volume_crc32;
     set.form = form;
-    set.exceptions = exceptions;
     set.rounding = Some(Rounding { steps: header.steps, cells: header.cells });
+    set.region = stored.region(&set)?.map_err(damaged)?;
     let names_ascend = set.label_names.is_sorted_by(|a, b| a.0 < b.0);
     if !names_ascend || crate::ply::check(&set).is_err() {
         return Err(damaged("the header states what no set can have"));
@@ -368,8 +375,17 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     Ok(Loaded { set, header, dropped, widened, bytes: bytes.len() as u64 })
 }
 
-/// Returns the field, the form, the map from the lattice's space to mm RAS, and the grid.
-fn stated(header: &Header) -> Result<(Field, Form, DAffine3, Option<Grid>)> {
+/// What a header states of a set.
+struct Frame {
+    field: Field,
+    /// The form and its name.
+    form: (Form, &'static str),
+    /// Map from the lattice's space to mm RAS.
+    affine: DAffine3,
+    grid: Option<Grid>,
+}
+
+fn stated(header: &Header) -> Result<Frame> {
     let kernel = Kernel::from_name(&header.kernel).ok_or_else(|| damaged("the kernel is not known"))?;
     let form = Form::from_name(&header.form).ok_or_else(|| damaged("the form is not known"))?;
     let field = Field {
@@ -386,15 +402,15 @@ fn stated(header: &Header) -> Result<(Field, Form, DAffine3, Option<Grid>)> {
     (sound && known && reachable)
         .then_some(())
         .ok_or_else(|| damaged("the header states what no set can have"))?;
-    Ok((field, form, frame.world_from_voxel, grid))
+    Ok(Frame { field, form, affine: frame.world_from_voxel, grid })
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::Exception;
     use crate::Splat;
     use crate::ply;
+    use crate::region::tests::region_of;
 
     fn set(count: usize) -> SplatSet {
         let splats = (0..count)
@@ -415,14 +431,11 @@ mod tests {
             splats,
             origin_mm: glam::DVec3::new(3.0, -7.0, 9.0),
             grid: Some(grid),
-            form: Form::Grid { binary: true },
+            form: Form::Grid,
             labels: Some((0..count).map(|i| (i % 4) as u8).collect()),
             label_names: vec![(1, "one".to_owned()), (3, "three".to_owned())],
             iterations: Some(12),
-            exceptions: [5, 6, 9000]
-                .into_iter()
-                .filter_map(|i| Exception::at(i, i % 2 == 0, &grid))
-                .collect(),
+            region: Some(region_of(&[([5, 0, 0], 1), ([6, 0, 0], 3), ([0, 0, 3], 1)])),
             ..SplatSet::default()
         }
     }
@@ -468,7 +481,7 @@ mod tests {
         let strict = ReadOptions { strict: true, ..lenient };
         let half = &bytes[..bytes.len() / 2];
         let coarse = decoded(half, &lenient).expect("two layers").set;
-        assert_eq!((coarse.splats.len(), coarse.exceptions.len()), (2250, 0));
+        assert_eq!((coarse.splats.len(), coarse.region), (2250, set(1).region));
         assert_eq!(decoded(half, &strict).err().expect("short").code, "VGS-FILE-003");
         assert!(decoded(&bytes[..900], &lenient).is_err(), "no layer is whole");
         let longer = [&bytes[..], b"more"].concat();
@@ -481,13 +494,38 @@ mod tests {
         }
     }
 
+    /// Written by version 0.3.0 of the program, of the PLY beside it.
+    const FIRST_VERSION: &[u8] = include_bytes!("first-version.vgs");
+    const ITS_PLY: &[u8] = include_bytes!("../ply/tests/second-element.ply");
+
+    #[test]
+    fn files_of_version_1_have_the_region_that_their_exceptions_make() {
+        let strict = ReadOptions { strict: true, ..ReadOptions::default() };
+        let set = decoded(FIRST_VERSION, &strict).expect("an earlier file of ours").set;
+        let folder = tempfile::tempdir().expect("a folder");
+        let path = folder.path().join("it.ply");
+        std::fs::write(&path, ITS_PLY).expect("written");
+        let ply = crate::read(&path, &strict).expect("an earlier file of ours");
+        assert_eq!((set.splats.len(), &set.label_names, set.grid), (40, &ply.label_names, ply.grid));
+        let inside = |set: &SplatSet| {
+            let region = set.region.as_ref().expect("found from splats and exceptions");
+            region.voxels().map(|(voxel, _)| voxel).collect::<Vec<_>>()
+        };
+        assert!(inside(&set).len() > 500);
+        assert_eq!(inside(&set), inside(&ply), "the splats are rounded, the mask is not");
+        let again = decoded(&encode(&set).expect("a set"), &strict).expect("a file of today").set;
+        assert_eq!((&again.region, &again.splats), (&set.region, &set.splats));
+        let short = &FIRST_VERSION[..FIRST_VERSION.len() - 40];
+        assert!(decoded(short, &ReadOptions::default()).is_err(), "its exceptions are cut off");
+    }
+
     #[test]
     fn what_the_format_does_not_hold_is_refused() {
         let colours = crate::Harmonics { degree: 0, coefficients: vec![0.0; 9] };
         let coloured = SplatSet { colours: Some(colours), unit: Unit::Luminance, ..set(3) };
         assert_eq!(encode(&coloured).expect_err("colours").code, "VGS-FILE-001");
         let mut newer = encode(&set(3)).expect("a set");
-        newer[8] = 2;
+        newer[8] = 3;
         assert_eq!(decoded(&newer, &ReadOptions::default()).err().expect("newer").code, "VGS-FILE-004");
         let few = ReadOptions { max_splats: 2, ..ReadOptions::default() };
         let bytes = encode(&set(3)).expect("a set");

@@ -188,7 +188,7 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
         console.json_data(&EvaluationOutput {
             splats: splats.len(),
             quality: Quality::of(evaluation),
-            form: set.form.name(),
+            form: set.form_name(),
             field: Quality::of(&of_field),
             decoded: Quality::of(&of_decoded),
             range_of: range_of(arguments.range).0,

@@ -65,8 +65,8 @@ function cropped(field: Field, boxes: Int8Array): Field {
 const thereRows = new Uint16Array(100), knownRows = new Uint16Array(100);
 
 /** Gives voxels whose V is not known, beside what is there, the mean of those beside them. */
-function fillIn(field: Field, around: Around, slot: number): void {
-    const { known, there, values } = field;
+function fillIn(field: Field, known: Uint8Array, around: Around, slot: number): void {
+    const { there, values } = field;
     let any = 0;
     for (let i = 0; i < 100; i++) {
         any |= thereRows[i] = around.row(there, i % 10 - 1, Math.floor(i / 10) - 1, 1);
@@ -95,7 +95,9 @@ function fillIn(field: Field, around: Around, slot: number): void {
 }
 
 /** Holds V beyond the faces of the grid as it is there. */
-function hold({ faces: [low, high], values }: Field, around: Around, slot: number, first: Vec3): void {
+function hold(
+    { faces: [low, high], values }: Field, _: Uint8Array, around: Around, slot: number, first: Vec3,
+): void {
     const [x0, y0, z0] = first.map((v, k) => low[k] - v), [x1, y1, z1] = first.map((v, k) => high[k] - v);
     if (x0 <= 0 && y0 <= 0 && z0 <= 0 && x1 >= 7 && y1 >= 7 && z1 >= 7) return;
     for (let i = 0; i < SAMPLES; i++) {
@@ -329,17 +331,17 @@ class Copier {
 /** Makes the atlas of a field, and fills in V beside what is known of it. */
 export function makeAtlas(whole: Field, progress: Progress): Atlas {
     const boxes = occupied(whole.there), field = cropped(whole, boxes);
-    const { bricks, slots, size, labels, label } = field;
+    const { bricks, slots, size, labels, label, known } = field;
     if (Math.max(...bricks) > 1 << PLACE_BITS) throw tooLarge(`a box of ${size.join(' × ')} voxels`);
     const kept = bricksNear(field, boxes, BEFORE, BEHIND), around = new Around(field);
     const placeOf = (number: number, [nx, ny]: Vec3): Vec3 =>
         [number % nx, Math.floor(number / nx) % ny, Math.floor(number / (nx * ny))];
-    for (const work of [fillIn, hold]) {
+    for (const work of known ? [fillIn, hold] : []) {
         for (const number of kept) {
             const [x, y, z] = placeOf(number, bricks);
             if (slots[number] < 0) continue;
             around.move(x, y, z);
-            work(field, around, slots[number], [x * 8 - 1, y * 8 - 1, z * 8 - 1]);
+            work(field, known!, around, slots[number], [x * 8 - 1, y * 8 - 1, z * 8 - 1]);
         }
     }
     const { middle, scale } = fitting(field), copier = new Copier(field, around, middle, scale);

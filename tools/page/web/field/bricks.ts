@@ -63,6 +63,7 @@ export class Around {
     /** Slots of the 27 bricks, x fastest; -1: none. */
     readonly slots = new Int32Array(27);
     private readonly of: Bricks;
+    private readonly rows = new Uint16Array(100);
 
     constructor(of: Bricks) {
         this.of = of;
@@ -92,6 +93,26 @@ export class Around {
         return (left < 0 ? 0 : bits[left * ROWS + row] >> (8 - before)) |
             (own < 0 ? 0 : bits[own * ROWS + row] << before) |
             (right < 0 ? 0 : (bits[right * ROWS + row] & ((1 << before) - 1)) << (8 + before));
+    }
+
+    /**
+     * Writes bits of the rows of the brick: which voxels are set or beside one that is, corners included.
+     * Returns false if none is.
+     */
+    near(bits: Uint8Array, to: Uint8Array): boolean {
+        const { rows } = this;
+        let any = 0;
+        for (let i = 0; i < 100; i++) {
+            any |= rows[i] = this.row(bits, i % 10 - 1, Math.floor(i / 10) - 1, 1);
+        }
+        for (let j = 0; j < ROWS; j++) {
+            let near = 0;
+            for (let i = (j >> 3) * 10 + (j & 7), k = 0; any && k < 3; i += 10, k++) {
+                near |= rows[i] | rows[i + 1] | rows[i + 2];
+            }
+            to[j] = (near | (near << 1) | (near >> 1)) >> 1;
+        }
+        return any !== 0;
     }
 
     /** Where a voxel is in the arrays of the field; -1: nowhere. */

@@ -37,32 +37,32 @@ export class Decoder {
         for (let i = 0; i < 4; i++) this.code = ((this.code << 8) | this.byte()) >>> 0;
     }
 
+    /** Reads a bit whose model is at `node` of `tree`. */
+    bit({ zero, seen }: Tree, node: number): number {
+        const p = zero[node], n = seen[node];
+        const bound = Math.imul(this.range >>> 15, Math.min(Math.max(p >> 1, 32), 32768 - 32)) >>> 0;
+        const bit = this.code >= bound ? 1 : 0;
+        seen[node] = n < MEMORY ? n + 1 : n;
+        if (bit) {
+            this.code = (this.code - bound) >>> 0;
+            this.range = (this.range - bound) >>> 0;
+            zero[node] = p - ((2 * p / (2 * n + 3)) | 0);
+        } else {
+            this.range = bound;
+            zero[node] = p + ((2 * (65535 - p) / (2 * n + 3)) | 0);
+        }
+        while (this.range < TOP) {
+            this.range = (this.range << 8) >>> 0;
+            this.code = ((this.code << 8) | this.byte()) >>> 0;
+        }
+        return bit;
+    }
+
     /** Reads a number of the range of `tree`. */
     number(tree: Tree): number {
-        const { zero, seen, bits } = tree;
-        let { code, range } = this, node = 1;
-        for (let i = 0; i < bits; i++) {
-            const p = zero[node], n = seen[node];
-            const bound = Math.imul(range >>> 15, Math.min(Math.max(p >> 1, 32), 32768 - 32)) >>> 0;
-            seen[node] = n < MEMORY ? n + 1 : n;
-            if (code >= bound) {
-                code = (code - bound) >>> 0;
-                range = (range - bound) >>> 0;
-                zero[node] = p - ((2 * p / (2 * n + 3)) | 0);
-                node = node * 2 + 1;
-            } else {
-                range = bound;
-                zero[node] = p + ((2 * (65535 - p) / (2 * n + 3)) | 0);
-                node *= 2;
-            }
-            while (range < TOP) {
-                range = (range << 8) >>> 0;
-                code = ((code << 8) | this.byte()) >>> 0;
-            }
-        }
-        this.code = code;
-        this.range = range;
-        return node - (1 << bits);
+        let node = 1;
+        for (let i = 0; i < tree.bits; i++) node = node * 2 + this.bit(tree, node);
+        return node - (1 << tree.bits);
     }
 
     /** Reads one of `count` equally likely numbers, `count` at most 65536. */

@@ -27,8 +27,9 @@ export interface Field {
     occupancies: Uint16Array;
     /**
      * Where V is known, and where O is not 0: a byte for each row of voxels along x of each slot, 64 a slot.
+     * If `known` is null, V is known wherever it counts, also beyond the faces of the grid.
      */
-    known: Uint8Array;
+    known: Uint8Array | null;
     there: Uint8Array;
     /** Number of the object of the voxels of each slot; null if all have `label`. */
     labels: Uint8Array | null;

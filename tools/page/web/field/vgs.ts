@@ -3,9 +3,15 @@
 import type { Unit, Vec3 } from '../types.ts';
 import { Decoder, Places, Tree, bitsOf } from './coder.ts';
 import { GET_AGAIN, Refusal } from './refusal.ts';
+import { readRegion } from './region.ts';
+import type { Region } from './region.ts';
 
 export type Kernel = 'compact' | 'gaussian' | 'density' | 'gated';
-export type Form = 'field' | 'grid' | 'grid-binary';
+/**
+ * Where a set is right: between the voxels too, at those of its grid, or at those of its region, which in
+ * files of version 1 is where the occupancy is above one half, but for exceptions ('grid-binary').
+ */
+export type Form = 'field' | 'grid' | 'region' | 'grid-binary';
 
 /**
  * Voxels in the world: their number along x, y, z, and the rows of the affine from their indices to mm RAS.
@@ -36,14 +42,20 @@ export interface SplatSet {
     /** The label of each splat; null if the set has none. */
     labels: Uint8Array | null;
     labelNames: [number, string][];
-    /** x, y, z of each voxel where the rounded occupancy is wrong, and 1 if it is inside, else 0. */
+    /** The voxels that are shown; null if the splats tell, by their occupancy. */
+    region: Region | null;
+    /**
+     * Of 'grid-binary', x, y, z of each voxel that is on the other side than the occupancy says, and 1 if it
+     * is inside, else 0.
+     */
     exceptions: Uint16Array;
     /** Number of splats that are missing because the file ends early. */
     missing: number;
 }
 
 const MARK = [0x89, 0x56, 0x47, 0x53, 0x0d, 0x0a, 0x1a, 0x0a];
-const VERSION = 1;
+/** Greatest version that is read. */
+const VERSION = 2;
 const LONGEST_HEADER = 1 << 20;
 /** Most splats or exceptions of a byte. */
 const MOST_A_BYTE = 16;
@@ -58,7 +70,7 @@ const LOG_LIMIT = 42;
 /** Greatest number of steps of a coordinate in a cell. */
 const MOST_STEPS = 65536;
 const KERNELS: readonly string[] = ['compact', 'gaussian', 'density', 'gated'];
-const FORMS: readonly string[] = ['field', 'grid', 'grid-binary'];
+const FORMS: readonly string[] = ['field', 'grid', 'region', 'grid-binary'];
 const UNITS: readonly string[] = ['hu', 'arbitrary', 'luminance'];
 const LONGEST_NAME = 120;
 
@@ -94,8 +106,9 @@ interface Header {
     steps: Steps;
     cells: Cells;
     ranges: [number, number][];
+    region?: Part | null;
     layers: Part[];
-    exceptions: Part;
+    exceptions?: Part | null;
 }
 
 function damaged(what: string): Refusal {
@@ -144,8 +157,9 @@ const isHeader = isObject({
     steps: isObject({ mean: isNumber, ratio: isNumber, opacity: isNumber, intensity: isNumber }),
     cells: isObject({ first: isList(isWhole(-(2 ** 63), 2 ** 63), 3), side_log2: isI32 }),
     ranges: isList(isPair(isI32, isI32), COLUMNS),
+    region: either(isNone, isPart),
     layers: isList(isPart),
-    exceptions: isPart,
+    exceptions: either(isNone, isPart),
 });
 
 /** The inverse of a 3 × 4 affine, by rows; not finite where there is none. */
@@ -168,12 +182,13 @@ function isLabelName(name: string): boolean {
 
 /** Whether a set can have what a header states. */
 function isSound(header: Header): boolean {
-    const { kernel, form, intensity, affine, grid, epsilon, occupancy_w0: w0, background } = header;
+    const { kernel, form, intensity, affine, grid, epsilon, occupancy_w0: w0, background, region } = header;
     const names = header.label_names;
     const invertible = (rows: number[]): boolean => inverse(rows).every(Number.isFinite);
     return KERNELS.includes(kernel) && FORMS.includes(form) && UNITS.includes(intensity) &&
         invertible(affine) && affine.every((v) => Math.abs(v) < 1e12) &&
         (!grid || (invertible(grid.affine) && grid.size.every((n) => n > 0))) &&
+        (form === 'region') === !!region && (!region || !!grid) &&
         [background, epsilon, w0].every((v) => Number.isFinite(Math.fround(v))) &&
         epsilon >= 0 && Math.fround(w0) > 0 &&
         names.every(([label, name], i) => label > (i > 0 ? names[i - 1][0] : 0) && isLabelName(name));
@@ -184,9 +199,9 @@ function headerOf(bytes: Uint8Array): { header: Header; end: number } {
     if (!marked) throw damaged('they end in their first 20 bytes, or are none');
     const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
     const [version, length, crc] = [8, 12, 16].map((at) => view.getUint32(at, true));
-    if (version !== VERSION) {
-        throw new Refusal(`The splats have version ${version} of their format, and this page reads version ` +
-            `${VERSION}. Make the page with the program that made the splats.`);
+    if (version < 1 || version > VERSION) {
+        throw new Refusal(`The splats have version ${version} of their format, and this page reads those ` +
+            `up to ${VERSION}. Make the page with the program that made the splats.`);
     }
     const text = bytes.subarray(20, 20 + length);
     const whole = length <= LONGEST_HEADER && text.length === length && crc32(text) === crc;
@@ -402,10 +417,10 @@ function exceptionsOf(bytes: Uint8Array, count: number, { size }: Grid): Uint16A
 /** Reads a file; one that ends early as far as its layers are whole. */
 export function readVgs(bytes: Uint8Array): SplatSet {
     const { header, end } = headerOf(bytes);
-    const { layers, exceptions, grid = null } = header;
+    const { layers, exceptions, grid = null } = header, regionPart = header.region;
     const declared = layers.reduce((sum, part) => sum + part.count, 0);
     if (declared > MOST_SPLATS) throw damaged(`${declared} splats are more than ${MOST_SPLATS}`);
-    if ([...layers, exceptions].some(({ count, bytes }) => count > bytes * MOST_A_BYTE)) {
+    if ([...layers, exceptions].some((part) => part && part.count > part.bytes * MOST_A_BYTE)) {
         throw damaged('they are more than so few bytes can hold');
     }
     const lattice = new Lattice(header.steps, header.cells);
@@ -418,6 +433,12 @@ export function readVgs(bytes: Uint8Array): SplatSet {
         at += part.bytes;
         return bytes.subarray(at - part.bytes, at);
     };
+    let region: Region | null = null;
+    if (regionPart) {
+        const bytes = take(regionPart);
+        if (bytes && crc32(bytes) === regionPart.crc32) region = readRegion(bytes, grid!.size);
+        if (!region) throw damaged('their region is not as it was written');
+    }
     layers.forEach((part, i) => {
         const layer = take(part);
         if (!layer) missing += part.count;
@@ -426,10 +447,9 @@ export function readVgs(bytes: Uint8Array): SplatSet {
             throw damaged(`layer ${i + 1} of ${layers.length} is not as it was written`);
         }
     });
-    const last = take(exceptions);
     let excepted: Uint16Array | null = new Uint16Array(0);
-    if (last && (grid || exceptions.count > 0)) {
-        const sound = grid && crc32(last) === exceptions.crc32;
+    if (exceptions && grid && missing === 0) {
+        const last = take(exceptions), sound = last && crc32(last) === exceptions.crc32;
         excepted = sound ? exceptionsOf(last, exceptions.count, grid) : null;
         if (!excepted) throw damaged('their exceptions are not as they were written');
     }
@@ -454,6 +474,7 @@ export function readVgs(bytes: Uint8Array): SplatSet {
         intensities: rows.intensities.subarray(0, count),
         labels: header.labels ? rows.labels.subarray(0, count) : null,
         labelNames: header.label_names,
+        region,
         exceptions: excepted,
         missing,
     };

@@ -138,16 +138,12 @@ function readOccupancies(field: Field, soft: boolean, labels: Uint8Array, input:
 
 /** Notes where V is known: where anything is, and in the 26 voxels around. */
 function markKnown(field: Field): void {
-    const { bricks, slots, known, there } = field, around = new Around(field), rows = new Uint16Array(100);
+    const { bricks, slots, there } = field, around = new Around(field);
     eachBrick(bricks, (x, y, z, number) => {
-        if (slots[number] < 0) return;
+        const slot = slots[number];
+        if (slot < 0) return;
         around.move(x, y, z);
-        for (let i = 0; i < 100; i++) rows[i] = around.row(there, (i % 10) - 1, Math.floor(i / 10) - 1, 1);
-        for (let j = 0; j < ROWS; j++) {
-            let near = 0;
-            for (let n = 0; n < 9; n++) near |= rows[((j >> 3) + Math.floor(n / 3)) * 10 + (j & 7) + (n % 3)];
-            known[slots[number] * ROWS + j] = ((near | (near << 1) | (near >> 1)) >> 1) & 255;
-        }
+        around.near(there, field.known!.subarray(slot * ROWS, (slot + 1) * ROWS));
     });
 }
 
@@ -230,7 +226,7 @@ function readValues(field: Field, step: number, input: Decoder, progress: Progre
     for (let z = 0; z < size[2]; z++) {
         progress('decoding', z / size[2]);
         eachRow(field, z, (slot, row, first, y) => {
-            const bits = known[slot * ROWS + row];
+            const bits = known![slot * ROWS + row];
             for (let i = 0; bits >> i > 0; i++) {
                 const x = first + i, at = (y + PAD) * width + x + PAD;
                 if (!((bits >> i) & 1) || x < 0 || x >= size[0]) continue;

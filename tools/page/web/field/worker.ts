@@ -2,9 +2,9 @@
 import type { Atlas, FromWorker, Part, ToWorker } from '../types.ts';
 import { makeAtlas } from './atlas.ts';
 import { decodeSplats } from './decode.ts';
-import type { Numbered } from './decode.ts';
 import type { Field, Progress } from './field.ts';
 import { GET_AGAIN, Refusal } from './refusal.ts';
+import type { Numbered } from './sums.ts';
 import { readVgs } from './vgs.ts';
 import { readVoxels } from './voxels.ts';
 

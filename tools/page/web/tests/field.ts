@@ -4,6 +4,7 @@ import fs from 'node:fs';
 import { Tree } from '../field/coder.ts';
 import { ROWS, SAMPLES, WHOLE } from '../field/field.ts';
 import type { Field } from '../field/field.ts';
+import type { Region } from '../field/region.ts';
 import { crc32 } from '../field/vgs.ts';
 import type { SplatSet } from '../field/vgs.ts';
 import type { Atlas, Vec3 } from '../types.ts';
@@ -37,7 +38,7 @@ export function voxel(
     const slot = within ? slots[((p[2] >> 3) * bricks[1] + (p[1] >> 3)) * bricks[0] + (p[0] >> 3)] : -1;
     if (slot < 0) return { v: background, o: 0, known: false, label };
     const row = slot * ROWS + (p[2] & 7) * 8 + (p[1] & 7), i = row * (SAMPLES / ROWS) + (p[0] & 7);
-    const known = ((field.known[row] >> (p[0] & 7)) & 1) === 1;
+    const known = !field.known || ((field.known[row] >> (p[0] & 7)) & 1) === 1;
     return { v: field.values[i], o: field.occupancies[i] / WHOLE, known,
         label: field.labels ? field.labels[i] : label };
 }
@@ -91,6 +92,109 @@ function profile(kernel: SplatSet['kernel'], q: number, away: number, volume: nu
             ? Math.exp(-q / 2) / (1 + Math.exp((Math.sqrt(q + 1e-6) - 1.794) / 0.75)) : 0;
     }
     return q < 9 ? Math.exp(-q / 2) * (kernel === 'density' ? 1 / ((2 * Math.PI) ** 1.5 * volume) : 1) : 0;
+}
+
+/** Steps to a voxel and those beside it, and their weights in the binomial filter. */
+const AROUND = [-1, 0, 1].flatMap((z) => [-1, 0, 1].flatMap((y) => [-1, 0, 1].map((x) => [x, y, z] as Vec3)));
+const weightOf = (step: Vec3): number => step.reduce((weight, d) => weight * (d === 0 ? 0.5 : 0.25), 1);
+
+/**
+ * What is shown of a region, voxel by voxel as engine/volume/src/edges.rs and beyond.rs have it, on the box
+ * that is there. `value` tells V and Σ w of a fit at a voxel of the grid.
+ */
+export function shown(
+    region: Region, value: (fit: number, voxel: Vec3) => { v: number; weight: number },
+): { first: Vec3; size: Vec3; at: (...place: Vec3) => { v: number; o: number; number: number | null } } {
+    const margin = [7, 3, 3], first = region.first.map((v, k) => v - margin[k]) as Vec3;
+    const size = region.size.map((n, k) => (k === 0 ? Math.ceil((n + 6) / 16) * 16 + 8 : n + 6)) as Vec3;
+    const [nx, ny, nz] = size, all = Array.from({ length: nx * ny * nz }, (_, i) => i);
+    const place = (i: number): Vec3 => [i % nx, Math.floor(i / nx) % ny, Math.floor(i / (nx * ny))];
+    const index = ([x, y, z]: Vec3): number => (z * ny + y) * nx + x;
+    const moved = (p: Vec3, step: Vec3): Vec3 => p.map((v, k) => v + step[k]) as Vec3;
+    const within = (p: Vec3): boolean => p.every((v, k) => v >= 0 && v < size[k]);
+    const kinds = all.map((i) => {
+        const [x, y, z] = place(i).map((v, k) => v - margin[k]), [a, b, c] = region.size;
+        const is = x >= 0 && y >= 0 && z >= 0 && x < a && y < b && z < c;
+        return is ? region.kinds[(z * b + y) * a + x] : 0;
+    });
+    // Depths, between their bounds.
+    const bounds = all.map((i) => {
+        let squared = 36;
+        for (let n = 0; n < 125; n++) {
+            const step: Vec3 = [n % 5 - 2, Math.floor(n / 5) % 5 - 2, Math.floor(n / 25) - 2];
+            const other = moved(place(i), step), away = step.reduce((sum, d) => sum + d * d, 0);
+            const kind = within(other) ? kinds[index(other)] : 0;
+            if (away < 9 && (kind > 0) !== (kinds[i] > 0)) squared = Math.min(squared, away);
+        }
+        const d = Math.sqrt(squared), least = Math.max(d - 1, 0.02);
+        const side = kinds[i] > 0 ? [least, d, d - 0.5] : [-d, -least, 0.5 - d];
+        return side.map((depth) => Math.round((Math.min(Math.max(depth, -2), 2) + 2) * 512));
+    });
+    let depths = bounds.map(([, , begin]) => begin);
+    const filtered = (from: number[], stride: number): number[] => {
+        const along = (values: number[], k: number): number[] => all.map((i) => {
+            const [a, b] = [-stride, stride].map((by) => {
+                const p = place(i);
+                p[k] = Math.min(Math.max(p[k] + by, 0), size[k] - 1);
+                return values[index(p)];
+            });
+            return (a + 2 * values[i] + b + 2) >> 2;
+        });
+        return along(along(along(from, 1), 2), 0);
+    };
+    for (const stride of [2, 1, 2, 1, 2, 1, 2, 1]) {
+        const once = filtered(depths, stride);
+        const sharp = all.map((i) => (i % nx < 4 || i % nx >= nx - 4 ? 0 : 2 * depths[i] - once[i]));
+        const twice = filtered(sharp, stride);
+        depths = all.map((i) => Math.min(Math.max(twice[i], bounds[i][0]), bounds[i][1]));
+    }
+    // V of the splats, and beyond.
+    const values = new Float32Array(all.length).fill(NaN), known = new Uint8Array(all.length);
+    const fits = [...new Set(region.objects.map(({ fit }) => fit))].sort((a, b) => a - b);
+    const fitAt = (p: Vec3): number | null => {
+        const kind = within(p) ? kinds[index(p)] : 0;
+        return kind > 0 ? region.objects[kind - 1].fit : null;
+    };
+    for (const fit of fits) for (const i of all) {
+        const p = place(i), own = fitAt(p) === fit;
+        const rim = kinds[i] === 0 && AROUND.some((step) => fitAt(moved(p, step)) === fit);
+        if (!own && !(rim && Number.isNaN(values[i]))) continue;
+        const { v, weight } = value(fit, moved(p, first));
+        if (weight > 1e-37) [values[i], known[i]] = [v, kinds[i]];
+    }
+    const found: { i: number; kind: number; v: number; own: number }[] = [];
+    for (let layer = 0; layer < 2; layer++) {
+        const begin = found.length;
+        for (const i of all.filter((i) => known[i] === 0)) {
+            const sums = new Map<number, [number, number]>();
+            for (const step of AROUND) {
+                const p = moved(place(i), step), j = index(p);
+                if (!within(p) || known[j] === 0) continue;
+                const [weight, sum] = sums.get(known[j]) ?? [0, 0];
+                sums.set(known[j], [weight + weightOf(step), Math.fround(sum + weightOf(step) * values[j])]);
+            }
+            const [best] = [...sums].sort((a, b) => b[1][0] - a[1][0] || a[0] - b[0]);
+            if (!best) continue;
+            const [kind, [weight, sum]] = best;
+            found.push({ i, kind, v: Math.fround(sum / weight), own: values[i] });
+        }
+        for (const { i, kind, v } of found.slice(begin)) [values[i], known[i]] = [v, kind];
+    }
+    const darker = new Map<number, number>();
+    for (const { kind, v, own } of found) {
+        darker.set(kind, (darker.get(kind) ?? 0) + (own < v ? 1 : own > v ? -1 : 0));
+    }
+    for (const { i, kind, v, own } of found) {
+        if (Number.isNaN(own)) continue;
+        values[i] = darker.get(kind)! >= 0 ? Math.min(v, own) : Math.max(v, own);
+    }
+    const at = (...place: Vec3) => {
+        const i = index(place), kind = kinds[i] || known[i];
+        const o = Math.min(Math.max(Math.round(127.5 + (depths[i] - 1024) * 127.5 / 512), 0), 255) / 255;
+        const number = kind > 0 ? region.objects[kind - 1].number : null;
+        return { v: values[i], o: kind > 0 ? o : 0, number };
+    };
+    return { first, size, at };
 }
 
 /** A file with another header: what `change` makes of it, with the checksum that it then has. */

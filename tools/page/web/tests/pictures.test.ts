@@ -3,13 +3,14 @@
 import assert from 'node:assert/strict';
 import { mkdtempSync, readFileSync, rmSync } from 'node:fs';
 import { tmpdir } from 'node:os';
-import { join } from 'node:path';
+import { join, resolve } from 'node:path';
 import { after, before, test } from 'node:test';
 import type { Browser, Page } from 'playwright-core';
 import { PNG } from 'pngjs';
 import type { Look, Material, Pick, Scene } from '../types.ts';
 import { viewOf } from '../ui/camera.ts';
 import { harness, launch, missing, open } from './browser.ts';
+import { differences } from './differences.ts';
 import { contentOf, likeness, program, vgs } from './program.ts';
 
 const skip = missing || (program ? false : 'VGS_PROGRAM names no program');
@@ -32,14 +33,14 @@ after(async () => {
 /** The scene and the data of a page that `vgs convert` writes. */
 function written(name: string, flags: string[]): { scene: Scene; parts: object[] } {
     const file = join(scratch, 'page.html');
-    vgs('convert', ...name.split(' ').map((part) => join(fixtures, part)), '-o', file, '--force', '-q', ...flags);
+    vgs('convert', ...name.split(' ').map((part) => resolve(fixtures, part)), '-o', file, '--force', '-q', ...flags);
     return contentOf(file);
 }
 
 /** The picture of `vgs render`, RGBA, rows from the top. */
 function rendered(name: string, flags: string[]): Buffer {
     const file = join(scratch, 'picture.png');
-    const files = name.split(' ').map((part) => join(fixtures, part));
+    const files = name.split(' ').map((part) => resolve(fixtures, part));
     const quality = ['--mode', 'decoded', '--size', `${SIZE}x${SIZE}`, '--step', '0.25'];
     vgs('render', ...files, '-o', file, '--force', '-q', ...quality, ...flags);
     return PNG.sync.read(readFileSync(file)).data;
@@ -128,9 +129,29 @@ test('what is read under a picture is there, also behind translucent layers', { 
     }
 });
 
-test('soft masks, and several files', { skip }, async () => {
+test('soft masks, and a field on voxels', { skip }, async () => {
     await compare('soft.vgs', [{ both: ['--tf', 'CT-Soft-Tissue'] }, { both: ['--tf', 'CT-Bone'] }]);
+    // Splats that take more bytes than their voxels.
     await compare('binary.vgs binary.vgs', [{ both: ['--tf', 'CT-Bone'] }]);
+});
+
+test('fits to regions that overlap', { skip }, async () => {
+    const [ct, whole, other] = ['ct', 'whole', 'other'].map((name) => join(scratch, `${name}.nii.gz`));
+    vgs('phantom', '-o', join(scratch, 'none.nii.gz'), '--mask', other, '--size', '40', '--seed', '1', '-q', '-f');
+    vgs('phantom', '-o', ct, '--mask', whole, '--size', '40', '-q', '-f');
+    const files = [whole, other].map((mask) => {
+        const file = mask.replace('.nii.gz', '.vgs');
+        vgs('fit', ct, '--roi', mask, '--splats', '150', '-o', file, '-q', '-f');
+        const { worst, wrong } = differences(file, ct, scratch)!;
+        assert.ok(worst < 0.05 && wrong === 0, `V differs by up to ${worst}, and O at ${wrong} voxels`);
+        return file;
+    });
+    const { scene } = written(files.join(' '), []);
+    assert.deepEqual(scene.parts.map(({ kind }) => kind), ['vgs', 'vgs']);
+    await compare(files.join(' '), [
+        { both: ['--tf', 'CT-Bone'] }, { both: ['--tf', 'CT-Soft-Tissue', '--object-colours'] },
+        { both: ['--tf', 'CT-Bone', '--object', '2:hidden'] },
+    ]);
 });
 
 test('planes, occlusion, gradient opacity and light', { skip }, async () => {

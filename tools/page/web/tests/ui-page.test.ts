@@ -182,7 +182,14 @@ test('what was read goes when the cursor leaves it while it is read', { skip: mi
         }
         await page.keyboard.press('v');
         const slice = page.locator('.axial .slice');
-        await slice.hover();
+        // Where it shows something.
+        const position = await slice.locator('canvas').evaluate((canvas: HTMLCanvasElement) => {
+            const { data, width } = canvas.getContext('2d')!.getImageData(0, 0, canvas.width, canvas.height);
+            const shown = [...Array(data.length / 4).keys()].filter((i) => data[4 * i + 3] === 255);
+            const i = shown[shown.length >> 1], scale = canvas.clientWidth / width;
+            return { x: (i % width + 0.5) * scale, y: (Math.floor(i / width) + 0.5) * scale };
+        });
+        await slice.hover({ position });
         await page.waitForFunction(() => / mm$/.test(document.getElementById('reading')!.textContent!));
         await page.mouse.move(width, 20);
         await page.waitForTimeout(500);

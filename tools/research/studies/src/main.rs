@@ -2,6 +2,7 @@
 //! kept as a file, so that a study that was stopped can go on.
 #![forbid(unsafe_code)]
 
+mod code;
 mod model;
 mod paper;
 mod soak;
@@ -23,6 +24,7 @@ studies paper --help
   studies trade render --data DIR     what a picture's accuracy costs, and the quality levels \
 of the frame budget
   studies model *.ply --out DIR       what a standalone headset would take for a frame
+  studies code ct.nii.gz --roi bones.nii.gz    bytes of a region with a bound on every voxel's error
   studies soak --minutes 60           whether memory stays as it is"
 )]
 struct StudiesArguments {
@@ -41,6 +43,7 @@ enum Study {
     #[command(subcommand)]
     Trade(trade::TradeStudy),
     Model(model::ModelArguments),
+    Code(code::CodeArguments),
     Soak(soak::SoakArguments),
 }
 
@@ -55,6 +58,7 @@ fn run(arguments: &StudiesArguments) -> Result<()> {
         Study::Trade(trade::TradeStudy::Fit(a)) => trade::fit::run(&options, a),
         Study::Trade(trade::TradeStudy::Render(a)) => trade::render::run(&options, a),
         Study::Model(a) => model::run(&Gpu::new(&options)?, a),
+        Study::Code(a) => code::run(a),
         Study::Soak(a) => soak::run(&options, a),
     }
 }

@@ -242,8 +242,8 @@ impl App {
             camera: new.orbit != old.orbit,
             look: (&new.transfer, new.light, &new.clip, &new.objects, new.errors)
                 != (&old.transfer, old.light, &old.clip, &old.objects, old.errors),
-            rendering: (new.shown, new.mode, new.split, new.background, new.quality)
-                != (old.shown, old.mode, old.split, old.background, old.quality),
+            rendering: (new.shown, new.mode, new.split, new.background, new.edges, new.quality)
+                != (old.shown, old.mode, old.split, old.background, old.edges, old.quality),
         };
         if changes.any() {
             self.taken = self.state.clone();

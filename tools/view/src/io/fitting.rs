@@ -366,7 +366,7 @@ impl Watch for Watching<'_> {
         if !milestone.stopped {
             *self.tell.shared.wanted.lock().unwrap_or_else(PoisonError::into_inner) = None;
             if let Some(plan) = self.plan {
-                self.tell.show(plan.quick_set(milestone.splats, milestone.iteration))?;
+                self.tell.show(plan.set(milestone.splats, milestone.iteration))?;
             }
         }
         Ok(true)

@@ -5,7 +5,7 @@ use std::sync::Arc;
 use engine::Result;
 use engine::fidelity::ShownError;
 use engine::gpu::Gpu;
-use engine::render::{Decoding, Look, Probe, Scene, SplatKind};
+use engine::render::{DecodeOptions, Decoding, Look, Probe, Scene, SplatKind};
 use engine::splat::SplatSet;
 use engine::unit::Unit;
 use glam::DVec3;
@@ -70,7 +70,7 @@ impl LoadedData {
                 // Other files may have been read meanwhile.
                 if self.splats.as_ref().is_some_and(|splats| Arc::ptr_eq(splats, &left.whole)) {
                     let Left { deleted, splats, .. } = left;
-                    self.left = Some((deleted, splats?));
+                    self.left = Some((deleted, splats));
                     (self.splat_histogram, self.probe, self.waits) = (None, None, false);
                     return Ok(Some(Subject::Splats));
                 }
@@ -170,7 +170,12 @@ impl LoadedData {
 
     /// Creates the scene of the splats in the colours of their error, and what has to be done before mode decoded shows
     /// them; `None` if there is no error.
-    pub fn error_scene(&self, gpu: &Gpu, state: &ViewState, pitch: f64) -> Result<Option<(Scene, Decoding)>> {
+    pub fn error_scene(
+        &self,
+        gpu: &Gpu,
+        state: &ViewState,
+        decoding: DecodeOptions,
+    ) -> Result<Option<(Scene, Decoding)>> {
         let (Some(Some(error)), Some(set)) = (self.measured(), self.set(Subject::Splats)) else {
             return Ok(None);
         };
@@ -178,7 +183,7 @@ impl LoadedData {
         let scene = Scene::new(gpu, Some(set), None, &look)?;
         let Some(splats) = &scene.splats else { return Ok(None) };
         let (error, origin) = (Arc::clone(error), scene.origin);
-        let decoding = splats.decoding_objects(gpu, pitch, move |at| error.class(at + origin))?;
+        let decoding = splats.decoding_objects(gpu, decoding, move |at| error.class(at + origin))?;
         Ok(Some((scene, decoding)))
     }
 
@@ -353,7 +358,7 @@ mod tests {
         state.mode = SplatMode::named("exact").expect("a mode");
         assert_eq!(modes(&data, &state), ["exact", "exact", "volume"]);
         assert_eq!(data.range(), [300.0, 300.0]);
-        data.take(loaded(300.0, Form::Grid { binary: false })).expect("taken");
+        data.take(loaded(300.0, Form::Grid)).expect("taken");
         assert_eq!(modes(&data, &state), ["exact", "decoded", "volume"]);
         assert_eq!(modes(&data.sources(), &state), ["exact", "decoded", "volume"], "in pictures, too");
         // They have no rows in the list of objects.

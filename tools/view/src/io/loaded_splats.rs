@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use engine::Result;
-use engine::fit::with_part_of_mask;
 use engine::gpu::Gpu;
 use engine::render::Intensities;
 use engine::splat::{self, SplatSet, WriteOptions, far_splats};
@@ -50,27 +49,18 @@ impl LoadedSplats {
         Ok(LoadedSplats { set, objects, intensities, far })
     }
 
-    /// Returns the splats that deletions leave, with the part of a binary mask that is theirs. All rows of
-    /// objects stay, also those without splats. Waits for the device if there is such a mask.
-    ///
-    /// # Errors
-    /// Returns the errors of [`with_part_of_mask`].
-    pub fn without(&self, gpu: &Gpu, deleted: &[Deletion]) -> Result<Self> {
+    /// Returns the splats that deletions leave, with the part of the region that is theirs. All rows of objects stay,
+    /// also those without splats.
+    pub fn without(&self, deleted: &[Deletion]) -> Self {
         let mut rows = [None; 256];
         for (row, number, _) in &self.objects {
             rows[usize::from(*number)] = Some(Target { file: row.file, label: row.label });
         }
         let number = |i: usize| self.set.labels.as_ref().map_or(0, |labels| labels[i]);
-        let part = self.set.selected(|i, mean_mm| {
+        let set = self.set.selected(|i, mean_mm| {
             let row = rows[usize::from(number(i))];
             row.is_none_or(|row| !deleted.iter().any(|deletion| deletion.takes(row, mean_mm)))
         });
-        let set = match part.splats.len() {
-            0 => part,
-            // The exceptions of the whole are right for the whole.
-            all if all == self.set.splats.len() => self.set.clone(),
-            _ => with_part_of_mask(gpu, &self.set, part)?,
-        };
         let (left, own) = (set.objects(), Intensities::of_objects(&set));
         let at = |number: u8| left.iter().position(|object| object.number == number);
         let count = |number: u8| at(number).map_or(0, |at| left[at].splats);
@@ -78,7 +68,7 @@ impl LoadedSplats {
         let of_row = |number: u8| at(number).and_then(|at| own.get(at).cloned()).unwrap_or_default();
         let intensities = self.objects.iter().map(|(_, number, _)| of_row(*number)).collect();
         let far = far_splats(&set.splats).len();
-        Ok(LoadedSplats { objects: objects.collect(), intensities, set, far })
+        LoadedSplats { objects: objects.collect(), intensities, set, far }
     }
 
     /// Returns the splats as files hold them, with the number in them of each row of the list of objects: joining has

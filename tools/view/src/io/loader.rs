@@ -12,6 +12,7 @@ use engine::fit::place::place;
 use engine::gpu::Gpu;
 use engine::render::{Probe, VolumeSource};
 use engine::splat::{self, SplatSet};
+use engine::volume::edges::Edges;
 use engine::volume::{BetweenSlices, LabelChoice, Labels, ReadOptions, Roi, Volume, dicom};
 use engine::{Error, Result};
 
@@ -39,7 +40,7 @@ pub struct LoadedVolume {
     finer: OnceLock<Option<Box<Finer>>>,
 }
 
-/// A volume and its region with what lies between their slices.
+/// A volume and its region as they are shown.
 struct Finer {
     volume: Volume,
     roi: Option<Roi>,
@@ -57,13 +58,18 @@ impl LoadedVolume {
         LoadedVolume { volume, roi, size, labels, series, finer: OnceLock::new() }
     }
 
-    /// Returns the volume as a scene takes it, with what lies between its slices if they are thick. That takes seconds, so
+    /// Returns the volume as a scene takes it: with what lies between its slices if they are thick, and smooth edges of a
+    /// binary region. That takes seconds, so
     /// the loader's thread asks first.
     pub fn source(&self) -> VolumeSource<'_> {
         let finer = self.finer.get_or_init(|| {
-            match BetweenSlices::default().shown(&self.volume, self.roi.as_ref()) {
-                (Cow::Owned(volume), roi) => Some(Box::new(Finer { volume, roi: roi.map(Cow::into_owned) })),
-                (Cow::Borrowed(_), _) => None,
+            let (volume, roi) = BetweenSlices::default().shown(&self.volume, self.roi.as_ref());
+            if let Some(Some((volume, roi))) = roi.as_ref().map(|roi| with_edges(&volume, roi)) {
+                return Some(Box::new(Finer { volume, roi: Some(roi) }));
+            }
+            match volume {
+                Cow::Owned(volume) => Some(Box::new(Finer { volume, roi: roi.map(Cow::into_owned) })),
+                Cow::Borrowed(_) => None,
             }
         });
         match finer {
@@ -71,6 +77,14 @@ impl LoadedVolume {
             None => VolumeSource { volume: &self.volume, roi: self.roi.as_ref() },
         }
     }
+}
+
+/// Returns a volume and its region with smooth edges, if the region is binary and memory holds that.
+fn with_edges(volume: &Volume, roi: &Roi) -> Option<(Volume, Roi)> {
+    Edges::default().shown(volume, roi).unwrap_or_else(|error| {
+        tracing::warn!("shown with the edges of the mask: {error}");
+        None
+    })
 }
 
 /// Result of a thread of the loader.
@@ -106,8 +120,8 @@ pub struct Left {
     pub whole: Arc<LoadedSplats>,
     /// Deletions.
     pub deleted: Vec<Deletion>,
-    /// Splats that are left, or why they could not be found.
-    pub splats: Result<Arc<LoadedSplats>>,
+    /// Splats that are left.
+    pub splats: Arc<LoadedSplats>,
 }
 
 /// Reads and writes files in threads of its own, and wakes the window for each result.
@@ -255,11 +269,10 @@ impl Loader {
     }
 
     /// Begins to find the splats that deletions leave, and what is counted of them.
-    pub fn delete(&mut self, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>, gpu: &Gpu) {
-        let gpu = gpu.clone();
+    pub fn delete(&mut self, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>) {
         let what = if deleted.is_empty() { "restoring splats" } else { "deleting splats" };
         self.doing.push((what.to_owned(), None));
-        let thread = self.spawn(ALWAYS, move |tell| tell.left(what, whole, deleted, &gpu));
+        let thread = self.spawn(ALWAYS, move |tell| tell.left(what, whole, deleted));
         self.wait_at_end_for(thread);
     }
 
@@ -395,18 +408,16 @@ impl Teller {
         always.say(Message::Loaded(Loaded::Counted(splats, histogram, probe)));
     }
 
-    fn left(&self, what: &str, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>, gpu: &Gpu) {
+    fn left(&self, what: &str, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>) {
         let splats = self.during(what.to_owned(), || {
-            // Whoever takes the result has to know of a failure, so that it is not tried again.
             Ok(match deleted.is_empty() {
-                true => Ok(Arc::clone(&whole)),
-                false => whole.without(gpu, &deleted).map(Arc::new),
+                true => Arc::clone(&whole),
+                false => Arc::new(whole.without(&deleted)),
             })
         });
         let Some(splats) = splats else { return };
-        let found = splats.as_ref().ok().cloned();
-        self.say(Message::Loaded(Loaded::Left(Left { whole, deleted, splats })));
-        found.into_iter().for_each(|splats| self.count(splats));
+        self.say(Message::Loaded(Loaded::Left(Left { whole, deleted, splats: Arc::clone(&splats) })));
+        self.count(splats);
     }
 
     fn volume(&self, path: &Path, there: Option<Arc<Volume>>, files: &Files) {

@@ -52,6 +52,8 @@ pub struct PanelInfo<'a> {
     pub splats: Option<usize>,
     /// Kind of the splats; `None` without splats.
     pub kind: Option<SplatKind>,
+    /// True if the splats have a region, whose edges can be smooth.
+    pub has_region: bool,
     /// Standard deviation of the middle splat along its shortest axis, mm, once they are on the device: the unit of
     /// steps in mode slab.
     pub sigma_mm: Option<f64>,
@@ -136,6 +138,7 @@ impl Default for PanelInfo<'_> {
             oriented: true,
             splats: None,
             kind: None,
+            has_region: false,
             sigma_mm: None,
             deleted: 0,
             beside: false,

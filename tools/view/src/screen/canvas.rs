@@ -9,7 +9,7 @@ use egui::{Rect, TexturesDelta};
 use engine::Result;
 use engine::gpu::{Gpu, Surface, Ticket};
 use engine::image::Image;
-use engine::render::{Camera, GpuSplats, Look, Part, Quality, Scene, Settings};
+use engine::render::{Camera, DecodeOptions, GpuSplats, Look, Part, Quality, Scene, Settings};
 use glam::{DVec2, DVec3};
 use raw_window_handle::{HasDisplayHandle, HasWindowHandle};
 
@@ -90,7 +90,8 @@ pub fn render_setups(
     let setup = |subject| {
         let mode = mode_row(mode_of(subject));
         let step = state.quality.step.unwrap_or(mode.step);
-        let settings = Settings { depth: true, gradual: true, step, ..Settings::new(size) };
+        let settings =
+            Settings { depth: true, gradual: true, step, decoding: state.decoding(), ..Settings::new(size) };
         RenderSetup { mode, settings, quality: quality(step) }
     };
     state.subjects(there).into_iter().map(|subject| (subject, setup(subject))).collect()
@@ -180,9 +181,9 @@ impl Canvas {
     }
 
     /// Returns true if it can be shown at once.
-    pub fn error_is_decoded(&self, pitch: f64) -> bool {
+    pub fn error_is_decoded(&self, decoding: DecodeOptions) -> bool {
         let splats = self.error.as_ref().and_then(|error| error.scene.splats.as_ref());
-        splats.is_some_and(|splats| splats.has_decoded(pitch))
+        splats.is_some_and(|splats| splats.has_decoded(decoding))
     }
 
     /// Shows the splats in the colours of their error, or as they are.

@@ -94,11 +94,12 @@ impl Export {
     /// Returns what renders the frames: one scene, or two with a split between them, and what is told.
     fn stage(&self) -> Result<Stage> {
         let subjects = self.state.subjects(|subject| self.data.has(subject));
-        let settings = Settings { precise: true, ..Settings::new(self.options.size) };
+        let settings =
+            Settings { precise: true, decoding: self.state.decoding(), ..Settings::new(self.options.size) };
         let mut sides = Vec::new();
         for subject in subjects {
             let error = (subject == Subject::Splats && self.data.shows_error(&self.state))
-                .then(|| self.data.error_scene(&self.gpu, &self.state, settings.pitch))
+                .then(|| self.data.error_scene(&self.gpu, &self.state, settings.decoding))
                 .transpose()?
                 .flatten();
             let (scene, mode) = match error {

@@ -3,18 +3,17 @@
 use super::viewer::{Viewer, is_lost};
 use crate::io::loader::{Left, Loaded};
 use crate::model::state::Subject;
-use crate::screen::canvas::Canvas;
 
 impl Viewer {
     /// Begins to find the splats that the deletions of the state leave, unless they are shown already.
-    pub(super) fn follow_deletions(&mut self, canvas: &Canvas) {
+    pub(super) fn follow_deletions(&mut self) {
         let deleted = &self.app.state.deleted;
         let Some(whole) = self.data.splats.as_ref().filter(|_| self.data.deleted() != deleted) else {
             return;
         };
         // One after the other; the last one has all that was deleted meanwhile.
         if !std::mem::replace(&mut self.deleting, true) {
-            self.loader.delete(whole.clone(), deleted.clone(), canvas.gpu());
+            self.loader.delete(whole.clone(), deleted.clone());
         }
     }
 

@@ -2,9 +2,9 @@
 //! colours come into the picture once the field is decoded with them.
 
 use engine::Result;
-use engine::render::Look;
+use engine::render::{DecodeOptions, Look};
 
-use super::viewer::{PITCH, Viewer, is_lost};
+use super::viewer::{Viewer, is_lost};
 use crate::model::state::Subject;
 use crate::screen::canvas::Canvas;
 
@@ -27,7 +27,7 @@ impl Viewer {
     pub(super) fn follow_error(&mut self, canvas: &mut Canvas) -> Result<()> {
         let shown = self.data.shows_error(&self.app.state) && self.fit.is_none();
         if shown && !canvas.has_error() {
-            match self.data.error_scene(canvas.gpu(), &self.app.state, PITCH) {
+            match self.data.error_scene(canvas.gpu(), &self.app.state, DecodeOptions::default()) {
                 Ok(Some((scene, decoding))) => {
                     canvas.set_error(Some(scene));
                     self.loader.prepare(COLOURING, decoding);
@@ -40,7 +40,7 @@ impl Viewer {
                 }
             }
         }
-        let shown = shown && canvas.error_is_decoded(PITCH);
+        let shown = shown && canvas.error_is_decoded(DecodeOptions::default());
         if std::mem::replace(&mut self.error_shown, shown) != shown {
             canvas.show_error(shown);
             // What has changed meanwhile, both scenes have to follow.

@@ -155,10 +155,10 @@ impl Viewer {
         force: bool,
     ) {
         let state = self.app.state.clone();
-        let Some(left) = self.left_splats(canvas) else { return };
+        let Some(left) = self.left_splats() else { return };
         let gpu = canvas.gpu().clone();
         self.loader.write_to_the_end(path.clone(), move |_| {
-            let left_out = left()?.write(&gpu, &state, object, &path, force)?;
+            let left_out = left().write(&gpu, &state, object, &path, force)?;
             Ok(match left_out {
                 0 => String::new(),
                 count => {
@@ -171,24 +171,20 @@ impl Viewer {
     /// Begins to write what is shown as a page.
     pub(super) fn share(&mut self, canvas: &Canvas, path: PathBuf, title: String, force: bool) {
         let state = self.app.state.clone();
-        let Some(left) = self.left_splats(canvas) else { return };
+        let Some(left) = self.left_splats() else { return };
         let gpu = canvas.gpu().clone();
         self.loader.write_to_the_end(path.clone(), move |_| {
-            let sizes = sharing::write(&gpu, &state, &*left()?, &title, &path, force)?;
+            let sizes = sharing::write(&gpu, &state, &left(), &title, &path, force)?;
             Ok(format!(", {}; whoever has it has the splats in it", bytes(sizes.page)))
         });
     }
 
     /// Returns what finds the splats that deletions leave, on any thread; `None` without splats.
-    fn left_splats(
-        &self,
-        canvas: &Canvas,
-    ) -> Option<impl FnOnce() -> Result<Arc<LoadedSplats>> + Send + 'static> {
+    fn left_splats(&self) -> Option<impl FnOnce() -> Arc<LoadedSplats> + Send + 'static> {
         let deleted = self.app.state.deleted.clone();
         let whole = self.data.splats.clone()?;
         // What was deleted last may still be being found.
         let left = self.data.left_splats().filter(|_| *self.data.deleted() == deleted[..]).cloned();
-        let gpu = canvas.gpu().clone();
-        Some(move || left.map_or_else(|| whole.without(&gpu, &deleted).map(Arc::new), Ok))
+        Some(move || left.unwrap_or_else(|| Arc::new(whole.without(&deleted))))
     }
 }

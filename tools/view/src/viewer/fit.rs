@@ -8,7 +8,7 @@ use engine::Result;
 use engine::render::{Needs, Scene};
 
 use super::shown_fit::{AskedFit, ShownFit};
-use super::viewer::{PITCH, Viewer, is_lost};
+use super::viewer::{Viewer, is_lost};
 use crate::io::fitting::{FitOrder, Fitting, News};
 use crate::io::loader::LoadedSplats;
 use crate::model::actions::Action;
@@ -131,7 +131,10 @@ impl Viewer {
             return Ok(());
         }
         if let Some(splats) = shown.preparing.take() {
-            let decoded = canvas.next().and_then(|s| s.splats.as_ref()).is_some_and(|s| s.has_decoded(PITCH));
+            let decoded = canvas
+                .next()
+                .and_then(|s| s.splats.as_ref())
+                .is_some_and(|s| s.has_decoded(self.app.state.decoding()));
             if !decoded && self.loader.is_doing(DECODING) {
                 shown.preparing = Some(splats);
                 return Ok(());
@@ -159,7 +162,7 @@ impl Viewer {
         }
         match &scene.splats {
             Some(on_device) if self.app.state.mode.needs == Needs::DecodedField => {
-                self.loader.prepare(DECODING, on_device.decoding(canvas.gpu(), PITCH)?);
+                self.loader.prepare(DECODING, on_device.decoding(canvas.gpu(), self.app.state.decoding())?);
                 canvas.set_next(Some(scene));
                 if let Some(shown) = &mut self.fit {
                     shown.preparing = Some(splats);

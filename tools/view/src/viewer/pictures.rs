@@ -70,7 +70,10 @@ impl Viewer {
             if other { faster } else { chosen[&subject] }
         };
         let has = |subject| self.data.has(subject);
-        let setups = render_setups(&self.app.state, pixels, mode_of, given_up, has);
+        let mut setups = render_setups(&self.app.state, pixels, mode_of, given_up, has);
+        for (subject, setup) in &mut setups {
+            setup.settings.decoding = self.shown_decoding(canvas, *subject);
+        }
         let as_wanted =
             |(subject, setup): &(Subject, RenderSetup)| setup.mode.name == self.wanted_mode(*subject);
         let is_full = |(_, setup): &(Subject, RenderSetup)| setup.quality == Quality::FULL;
@@ -93,7 +96,7 @@ impl Viewer {
         };
         let shown = canvas.begin(setups, self.app.camera(), expected)?;
         for (&subject, mode) in &chosen {
-            if self.waits_for(subject, mode) {
+            if self.waits_for(subject, mode) || self.lacks_edges(canvas, subject) {
                 self.decode(canvas, subject)?;
             }
         }

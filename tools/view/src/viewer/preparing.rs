@@ -2,9 +2,9 @@
 //! shows, and what moves fast.
 
 use engine::Result;
-use engine::render::{GpuSplats, MEANWHILE, Needs, quality_levels};
+use engine::render::{DecodeOptions, GpuSplats, MEANWHILE, Needs, quality_levels};
 
-use super::viewer::{PITCH, Viewer};
+use super::viewer::Viewer;
 use crate::model::state::{DECODED, Subject, mode_row};
 use crate::screen::canvas::Canvas;
 
@@ -28,31 +28,53 @@ impl Viewer {
         let wanted = self.wanted_mode(subject);
         let splats = canvas.splats_of(subject).filter(|_| mode_row(wanted).needs == Needs::DecodedField);
         let Some(splats) = splats else { return wanted };
-        if splats.has_decoded(PITCH) {
-            self.stale |= self.decoding.remove(&subject);
-            return wanted;
+        // Other edges than those of the state are better than none.
+        let Some(there) = splats.decoded_as() else { return MEANWHILE };
+        if self.decoding.get(&subject) == Some(&there) {
+            self.decoding.remove(&subject);
+            self.stale = true;
         }
-        MEANWHILE
+        wanted
+    }
+
+    /// Returns how the field is decoded that a subject is shown by: as the state says, or as it is until that is there.
+    pub(super) fn shown_decoding(&self, canvas: &Canvas, subject: Subject) -> DecodeOptions {
+        if subject == Subject::Splats && self.error_shown {
+            return DecodeOptions::default();
+        }
+        let there = canvas.splats_of(subject).and_then(GpuSplats::decoded_as);
+        there.unwrap_or(self.app.state.decoding())
+    }
+
+    /// Returns true if a subject is shown by a field that is decoded otherwise than the state says.
+    pub(super) fn lacks_edges(&self, canvas: &Canvas, subject: Subject) -> bool {
+        self.shown_decoding(canvas, subject).edges != self.app.state.edges
+            && mode_row(self.wanted_mode(subject)).needs == Needs::DecodedField
+            && !(subject == Subject::Splats && self.error_shown)
     }
 
     /// Returns true if the mode in which a subject is wanted is still to come, and `chosen` is shown meanwhile.
     pub(super) fn waits_for(&self, subject: Subject, chosen: &str) -> bool {
         chosen != self.wanted_mode(subject)
-            && (!self.decoding.contains(&subject) || self.loader.is_doing(decoding(subject)))
+            && (!self.decoding.contains_key(&subject) || self.loader.is_doing(decoding(subject)))
     }
 
     /// Returns true if a mode of the quality levels shows a subject rightly and can render it at once.
     pub(super) fn moves_in(&self, canvas: &Canvas, subject: Subject, mode: &str) -> bool {
         let is_right = self.own_mode(subject).is_none_or(|own| own == mode);
-        let is_prepared = |splats: &GpuSplats| mode_row(mode).needs.are_met(splats, PITCH);
+        let is_prepared = |splats: &GpuSplats| {
+            mode_row(mode).needs.are_met(splats, splats.decoded_as().unwrap_or_default())
+        };
         is_right && canvas.splats_of(subject).is_some_and(is_prepared)
     }
 
-    /// Begins to decode the field of a subject, beside the window, unless that has begun before.
+    /// Begins to decode the field of a subject, beside the window, unless that has begun before; one after the other.
     pub(super) fn decode(&mut self, canvas: &Canvas, subject: Subject) -> Result<()> {
         let Some(splats) = canvas.splats_of(subject) else { return Ok(()) };
-        if self.decoding.insert(subject) {
-            self.loader.prepare(decoding(subject), splats.decoding(canvas.gpu(), PITCH)?);
+        let wanted = self.app.state.decoding();
+        let others = self.decoding.contains_key(&subject) && self.loader.is_doing(decoding(subject));
+        if !others && self.decoding.insert(subject, wanted) != Some(wanted) {
+            self.loader.prepare(decoding(subject), splats.decoding(canvas.gpu(), wanted)?);
         }
         Ok(())
     }
@@ -69,7 +91,7 @@ impl Viewer {
         let needs = |what| {
             let lacks = |mode| mode_row(mode).needs == what;
             let any = own.map_or_else(|| levels.iter().any(|level| lacks(level.mode)), lacks);
-            any && !what.are_met(splats, PITCH)
+            any && !what.are_met(splats, self.app.state.decoding())
         };
         if needs(Needs::Faces) {
             let job = splats.preparation(canvas.gpu())?;
@@ -78,8 +100,11 @@ impl Viewer {
         if needs(Needs::DecodedField) {
             if mode_row(self.wanted_mode(subject)).needs == Needs::DecodedField {
                 self.decode(canvas, subject)?;
-            } else if !self.decoding.contains(&subject) {
-                self.loader.prepare("decoding what moves fast", splats.decoding(canvas.gpu(), PITCH)?);
+            } else if !self.decoding.contains_key(&subject) {
+                self.loader.prepare(
+                    "decoding what moves fast",
+                    splats.decoding(canvas.gpu(), self.app.state.decoding())?,
+                );
             }
         }
         Ok(())

@@ -5,7 +5,7 @@ use engine::Result;
 use engine::render::{MEANWHILE, Quality, Settings};
 use engine::transfer::preset;
 
-use super::viewer::{PITCH, Viewer};
+use super::viewer::Viewer;
 use crate::model::state::{DECODED, Subject, mode_row};
 use crate::model::thumbnails::{SIZE, Seen};
 use crate::model::transfer::Transfer;
@@ -22,7 +22,7 @@ impl Viewer {
         let Some(scene) = canvas.scene_of(subject).filter(|_| !coloured) else { return Ok(false) };
         let mode = match subject {
             Subject::Volume => state.mode_of(subject),
-            _ if scene.scene.splats.as_ref().is_some_and(|s| s.has_decoded(PITCH)) => DECODED,
+            _ if scene.scene.splats.as_ref().is_some_and(|s| s.decoded_as().is_some()) => DECODED,
             _ => MEANWHILE,
         };
         let Some(name) = self.thumbnails.next(Seen::of(state, self.data_number)) else { return Ok(false) };

@@ -1,13 +1,13 @@
 //! The frames, what is loaded, and what the user asks for.
 
-use std::collections::BTreeSet;
+use std::collections::{BTreeMap, BTreeSet};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::time::{Duration, Instant};
 
 use engine::budget::Controller;
 use engine::gpu::GpuOptions;
-use engine::render::{ObjectChange, SplatKind, UsualLook, level_costs, quality_levels};
+use engine::render::{DecodeOptions, ObjectChange, SplatKind, UsualLook, level_costs, quality_levels};
 use engine::splat::SplatSet;
 use engine::unit::Unit;
 use engine::{Error, Result, transfer};
@@ -31,9 +31,6 @@ use crate::model::thumbnails::Thumbnails;
 use crate::model::transfer::Transfer;
 use crate::screen::canvas::{Canvas, Overlay};
 use crate::viewer::input_queue::InputQueue;
-
-/// Distance of the voxels of mode decoded, in those of the CT, as in the settings of a picture.
-pub(super) const PITCH: f64 = 1.0;
 
 /// Error code of a lost device.
 const LOST: &str = "VGS-GPU-012";
@@ -141,8 +138,8 @@ pub struct Viewer {
     pub(super) budget: Option<u64>,
     /// Splats for which the data with which they move faster are there or being made.
     pub(super) prepared: BTreeSet<Subject>,
-    /// Splats whose field is being decoded for mode decoded.
-    pub(super) decoding: BTreeSet<Subject>,
+    /// Splats whose field is being decoded for mode decoded, and how.
+    pub(super) decoding: BTreeMap<Subject, DecodeOptions>,
     /// True while there is nothing better than a draft in slabs, because the field is still being decoded.
     pub(super) waits: bool,
     /// True if the camera is to see everything once something is there.
@@ -217,7 +214,7 @@ impl Viewer {
             answered: None,
             budget: None,
             prepared: BTreeSet::new(),
-            decoding: BTreeSet::new(),
+            decoding: BTreeMap::new(),
             waits: false,
             object_changes: objects,
             fits,
@@ -464,6 +461,7 @@ impl Viewer {
             oriented: data.oriented(),
             splats: data.shown_splats().map(|splats| splats.set.splats.len()),
             kind: data.set(Subject::Splats).map(SplatKind::of),
+            has_region: data.set(Subject::Splats).is_some_and(|set| set.region.is_some()),
             sigma_mm: canvas.splats_of(Subject::Splats).map(|splats| splats.sigma_mm),
             deleted: data.deleted_count(),
             beside: data.has(Subject::Beside),
@@ -495,7 +493,7 @@ impl Viewer {
         for action in actions {
             quit |= self.act(action, &mut active.canvas)?;
         }
-        self.follow_deletions(&active.canvas);
+        self.follow_deletions();
         self.follow_error(&mut active.canvas)?;
         let overlay = Overlay {
             primitives: context.tessellate(std::mem::take(&mut output.shapes), output.pixels_per_point),

@@ -14,7 +14,8 @@ use crate::harmonics::{MAX_DEGREE, SH0, basis_count};
 use crate::mend::{Mended, bound_opacities, ordinary_field, reserve, zeros};
 use crate::ordinary::finished;
 use crate::ply::comments::{self, Stated};
-use crate::ply::exceptions;
+use crate::ply::region::exceptions;
+use crate::region::Stored;
 use crate::space::transformed;
 use crate::{Harmonics, PLY_LAYOUTS, ReadOptions, Splat, SplatSet, Summary, Unplaced, ply};
 use base::error::{Error, Kind, Result};
@@ -237,8 +238,9 @@ fn decoded(mut stream: impl Read + Seek, bytes: u64, options: &ReadOptions) -> R
             set.unit = if name == HU { Unit::Hu } else { Unit::Arbitrary };
             set.field = ordinary_field(&set.splats);
             if let Some(stated) = stated {
+                let (_, form) = stated.form.unwrap_or_default();
                 set = told(set, stated, &instances[0].affine);
-                set.exceptions = read_exceptions(&mut source, own, &set)?;
+                set.region = read_region(&mut source, own, &set, form)?;
             }
             mended
         }
@@ -413,21 +415,35 @@ fn told(set: SplatSet, stated: Stated, node: &DAffine3) -> SplatSet {
         iterations: stated.iterations,
         grid,
         volume_crc32: stated.volume_crc32,
-        form: stated.form.unwrap_or_default(),
+        form: stated.form.unwrap_or_default().0,
         label_names: stated.label_names,
         ..set
     }
 }
 
-/// Reads the exceptions of a set from the view that `extras.vgs` names.
-fn read_exceptions<S: Read + Seek>(
+/// Reads the region of a set from the views that `extras.vgs` names.
+fn read_region<S: Read + Seek>(
     source: &mut Source<S>,
     own: Option<&Value>,
     set: &SplatSet,
-) -> Result<Vec<crate::Exception>> {
-    let view = own.and_then(|own| own.get("exceptions")).and_then(Value::as_u64);
-    let (Some(view), Some(grid)) = (view, &set.grid) else { return Ok(Vec::new()) };
-    let wrong = |what: String| damaged(format!("the exceptions of the occupancy: {what}"));
+    form: &'static str,
+) -> Result<Option<crate::Region>> {
+    let mut stored = Stored { form, bytes: read_view(source, own, "region")?, ..Stored::default() };
+    if let (Some(bytes), Some(grid)) = (read_view(source, own, "exceptions")?, &set.grid) {
+        stored.exceptions =
+            exceptions(&bytes, grid).map_err(|what| damaged(format!("the exceptions: {what}")))?;
+    }
+    stored.region(set)?.map_err(damaged)
+}
+
+/// Reads the view that `extras.vgs` names so; `None` if it names none.
+fn read_view<S: Read + Seek>(
+    source: &mut Source<S>,
+    own: Option<&Value>,
+    name: &str,
+) -> Result<Option<Vec<u8>>> {
+    let Some(view) = own.and_then(|own| own.get(name)).and_then(Value::as_u64) else { return Ok(None) };
+    let wrong = |what: String| damaged(format!("the bytes of its {name}: {what}"));
     let place = source.document.view(&source.binary, view as usize).map_err(wrong)?;
     let mut bytes = Vec::new();
     let stream = &mut *source.stream;
@@ -438,7 +454,7 @@ fn read_exceptions<S: Read + Seek>(
     if bytes.len() as u64 != place.end - place.start {
         return Err(wrong("the file ended before them".to_owned()));
     }
-    exceptions::of_bytes(&bytes, grid).map_err(|what| wrong(what.to_owned()))
+    Ok(Some(bytes))
 }
 
 #[cfg(test)]

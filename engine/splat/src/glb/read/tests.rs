@@ -5,7 +5,8 @@ use serde_json::json;
 
 use super::*;
 use crate::ordinary::tests::{Errors, check, coloured, rows};
-use crate::{Exception, Field, Form, Grid, Kernel, WriteOptions, describe, write, write_as};
+use crate::region::tests::region_of;
+use crate::{Field, Form, Grid, Kernel, WriteOptions, describe, write, write_as};
 
 fn file_of(json: &Value, binary: &[u8]) -> Vec<u8> {
     let mut text = json.to_string().into_bytes();
@@ -107,8 +108,8 @@ fn both() -> (SplatSet, SplatSet) {
         iterations: Some(400),
         grid: Some(grid),
         volume_crc32: Some(0xdead_beef),
-        form: Form::Grid { binary: true },
-        exceptions: [[1, 2, 3], [39, 49, 59]].map(|voxel| Exception { voxel, inside: true }).to_vec(),
+        form: Form::Grid,
+        region: Some(region_of(&[([1, 2, 3], 3), ([29, 29, 29], 7)])),
         ..colours.clone()
     };
     for (i, (own, splat)) in made_of.splats.iter_mut().zip(&mut colours.splats).enumerate() {
@@ -152,7 +153,7 @@ fn intensities_come_back_with_all_that_was_stated() {
         write(&ply, &found, true).expect("a file");
         assert_eq!(crate::read(&ply, &ReadOptions::default()).expect("a set"), found);
         let summary = describe(&glb, &ReadOptions::default()).expect("a description");
-        assert_eq!((summary.layout, summary.unit, summary.exceptions), ("vgs", unit, 2));
+        assert_eq!((summary.layout, summary.unit, summary.region_voxels), ("vgs", unit, Some(2)));
     }
 }
 

@@ -4,11 +4,8 @@ use super::*;
 
 #[test]
 fn rows_of_62_floats_have_nothing_more_and_give_the_set_back() {
-    let set = SplatSet {
-        exceptions: vec![Exception { voxel: [3, 2, 1], inside: true }],
-        labels: Some((0..9).collect()),
-        ..sample(9)
-    };
+    let set =
+        SplatSet { region: Some(region_of(&[([3, 2, 1], 4)])), labels: Some((0..9).collect()), ..sample(9) };
     let file = encoded_as(&set, Row::Fixed);
     let header = header_of(&file);
     let lines: Vec<&str> = header.lines().collect();
@@ -31,8 +28,8 @@ fn rows_of_62_floats_have_nothing_more_and_give_the_set_back() {
         [expected.mean[0], expected.opacity_logit, expected.log_scale[0], expected.rotation[0],]
     );
     let read = loaded(&file, &STRICT).expect("our own file");
-    let exceptions = read.header.element("exception").expect("the exceptions").1.count;
-    assert_eq!(file.len(), header.len() + 9 * (62 * 4 + 8 + 1) + exceptions);
+    let region = read.header.element("region").expect("the region").1.count;
+    assert_eq!(file.len(), header.len() + 9 * (62 * 4 + 8 + 1) + region);
     assert_eq!((read.set, read.layout), (set, "inria"));
 }
 
@@ -53,8 +50,10 @@ fn files_with_a_second_element_are_read_as_before() {
         set.label_counts().iter().map(|l| (l.label, l.splats)).collect::<Vec<_>>(),
         [(3, 24), (7, 16)]
     );
-    assert_eq!(set.exceptions.len(), 445);
-    assert_eq!((set.form, set.iterations), (Form::Grid { binary: true }, Some(60)));
+    assert_eq!((set.form, set.iterations), (Form::Grid, Some(60)));
+    let region = set.region.as_ref().expect("found from its splats and exceptions");
+    let of = |number| region.voxels().filter(|(_, object)| object.number == number).count();
+    assert_eq!([of(3), of(7)], [889, 485]);
     let again = loaded(&encoded(&set), &STRICT).expect("the layout of today").set;
     assert_eq!(again, set, "nothing is lost on the way to the layout of today");
 }
@@ -64,7 +63,7 @@ fn what_splat_transform_leaves_of_a_file_has_places_intensities_and_labels() {
     // It keeps the columns of the vertices and drops comments and further elements.
     let set = SplatSet {
         origin_mm: DVec3::ZERO,
-        exceptions: vec![Exception { voxel: [3, 2, 1], inside: true }],
+        region: Some(region_of(&[([3, 2, 1], 4)])),
         labels: Some((0..9).collect()),
         ..sample(9)
     };
@@ -72,14 +71,14 @@ fn what_splat_transform_leaves_of_a_file_has_places_intensities_and_labels() {
     let header = header_of(&file);
     let kept: Vec<&str> = header
         .lines()
-        .take_while(|line| !line.starts_with("element exception"))
+        .take_while(|line| !line.starts_with("element region"))
         .filter(|line| !line.starts_with("comment"))
         .collect();
     let bare = [kept.join("\n").as_bytes(), b"\nend_header\n", &file[header.len()..][..9 * 19 * 4]].concat();
     let Loaded { set: read, layout, .. } = loaded(&bare, &STRICT).expect("without comments");
     assert_eq!((&read.splats, &read.labels, read.origin_mm), (&set.splats, &set.labels, set.origin_mm));
     assert!(read.unit.is_physical() && layout == "3dgs");
-    assert_eq!((read.field.kernel, read.grid, read.exceptions.len()), (Kernel::Gaussian, None, 0));
+    assert_eq!((read.field.kernel, read.grid, &read.region), (Kernel::Gaussian, None, &None));
     let given_back = read.with_statements_of(&set);
     assert_eq!(given_back, set);
 }

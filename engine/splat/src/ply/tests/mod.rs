@@ -12,7 +12,8 @@ use super::write::check;
 use crate::activation::limit_anisotropy;
 use crate::harmonics::SH0;
 use crate::kernel::KERNELS;
-use crate::{Activations, Exception, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, read, write};
+use crate::region::tests::region_of;
+use crate::{Activations, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, read, write};
 use base::error::{Kind, Result};
 use base::unit::Unit;
 
@@ -80,7 +81,7 @@ fn sample(count: usize) -> SplatSet {
                 1.0 / 3.0,
             ]),
         }),
-        form: Form::Grid { binary: true },
+        form: Form::Grid,
         ..SplatSet::default()
     }
 }
@@ -121,27 +122,32 @@ fn expected_plain(intensity: f32) -> Splat {
 }
 
 #[test]
-fn exceptions_survive_behind_all_else() {
-    let exceptions = vec![
-        Exception { voxel: [511, 0, 0], inside: false },
-        Exception { voxel: [0, 510, 98], inside: true },
-    ];
+fn the_region_survives_behind_all_else() {
+    let region = Some(region_of(&[([511, 0, 0], 3), ([0, 3, 1], 3), ([511, 0, 1], 0)]));
     let plain = sample(7);
-    let set = SplatSet { exceptions, labels: Some(vec![3; 7]), ..plain.clone() };
+    let set = SplatSet { region, labels: Some(vec![3; 7]), ..plain.clone() };
     let ours = encoded(&set);
     assert_eq!(loaded(&ours, &STRICT).expect("our own file").set, set);
     let text = String::from_utf8_lossy(&ours).into_owned();
-    assert!(text.contains("element exception 6\nproperty uchar code\n"), "{text:.1500}");
-    let beyond =
-        SplatSet { exceptions: vec![Exception { voxel: [512, 0, 0], inside: true }], ..plain.clone() };
-    let homeless = SplatSet { grid: None, ..set };
+    assert!(text.contains("property uchar code\n") && text.contains("element region "), "{text:.1500}");
+    let beyond = SplatSet { region: Some(region_of(&[([512, 0, 0], 0)])), ..plain.clone() };
+    let homeless = SplatSet { grid: None, ..set.clone() };
     for broken in [beyond, homeless] {
         assert_eq!(check(&broken).expect_err("no file must hold it").code, "VGS-PLY-012");
     }
+    // Another program may drop the element and keep the comments.
+    let header = header_of(&ours);
+    let (before, _) = header.split_once("element region").expect("the element");
+    let rows = ours.len() - header.len() - set.region.as_ref().map_or(0, |region| region.encode().len());
+    let bare = [before.as_bytes(), b"end_header\n", &ours[header.len()..][..rows]].concat();
+    let error = loaded(&bare, &STRICT).err().expect("its region is missing");
+    assert!(error.code == "VGS-PLY-033" && error.help.contains("--like"), "{error}");
     // Without a grid an element of that name is another program's.
-    let element = format!("{}element exception 1\nproperty list uchar int voxels\n", plain_header("1"));
-    let theirs = file("binary_little_endian", &element, &[little(&PLAIN_ROW), vec![0]].concat());
-    assert_eq!(loaded(&theirs, &STRICT).expect("another program's").set.exceptions, []);
+    for name in ["region", "exception"] {
+        let element = format!("{}element {name} 1\nproperty list uchar int voxels\n", plain_header("1"));
+        let theirs = file("binary_little_endian", &element, &[little(&PLAIN_ROW), vec![0]].concat());
+        assert_eq!(loaded(&theirs, &STRICT).expect("another program's").set.region, None);
+    }
 }
 
 #[test]
@@ -363,11 +369,13 @@ fn wrong_files_are_refused_with_a_reason() {
     let row = little(&PLAIN_ROW);
     let good = file(le, &plain, &row);
     let comment = |text: &str| file(le, &format!("{plain}comment {text}\n"), &row);
-    let excepted = |name: &str, code: &[u8]| {
+    let with_element = |form: &str, element: &str, name: &str, code: &[u8]| {
         let grid = "comment vgs.grid.size 3 4 5\ncomment vgs.grid.affine 1 0 0 0 0 1 0 0 0 0 1 0\n";
-        let header = format!("{plain}{grid}element exception {}\nproperty uchar {name}\n", code.len());
+        let form = format!("comment vgs.form {form}\n");
+        let header = format!("{plain}{grid}{form}element {element} {}\nproperty uchar {name}\n", code.len());
         file(le, &header, &[row.clone(), code.to_vec()].concat())
     };
+    let excepted = |name: &str, code: &[u8]| with_element("grid-binary", "exception", name, code);
     let counted = |count: &str| file(le, &plain_header(count), &row);
     let text = PLAIN_ROW.map(|v| v.to_string()).join(" ");
     let own = encoded(&sample(5));
@@ -509,6 +517,19 @@ fn wrong_files_are_refused_with_a_reason() {
         ("an exception beyond the grid", excepted("code", &[0xff, 0x01]), "VGS-PLY-033", "beyond"),
         ("an exception twice", excepted("code", &[2, 1]), "VGS-PLY-033", "twice"),
         ("half an exception", excepted("code", &[2, 0x80]), "VGS-PLY-033", "no end"),
+        (
+            "a region that is none",
+            with_element("region", "region", "code", &[7; 9]),
+            "VGS-PLY-033",
+            "as it was",
+        ),
+        (
+            "a region beside a soft form",
+            with_element("grid", "region", "code", &[0; 9]),
+            "VGS-PLY-033",
+            "another",
+        ),
+        ("a form without its region", comment("vgs.form region"), "VGS-PLY-033", "no grid"),
         ("an endless exception", excepted("code", &[0x80; 12]), "VGS-PLY-033", "too long"),
     ];
     for (name, file, code, word) in rows {

@@ -367,8 +367,9 @@ fn what_cannot_be_written_so_is_refused_and_what_is_lost_is_told() {
     let losses = |set: &SplatSet| layout.losses(set, Some(&place)).join("; ");
     let inside = SplatSet { splats: sample(40).splats[24..].to_vec(), ..sample(1) };
     assert_eq!(losses(&inside), "");
-    let excepting = SplatSet { exceptions: vec![Exception { voxel: [1; 3], inside: true }; 2], ..inside };
-    assert!(losses(&excepting).starts_with("the 2 voxels that are exceptions"));
+    assert!(
+        losses(&SplatSet { region: Some(region_of(&[([1; 3], 0)])), ..inside }).starts_with("the region")
+    );
     let labelled = SplatSet { labels: Some(vec![1; 40]), ..sample(40) };
     let told = losses(&labelled);
     assert!(

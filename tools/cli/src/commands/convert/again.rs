@@ -16,7 +16,7 @@ use crate::shared::waiting::Waiting;
 
 /// Returns `set` with what another program has dropped with the comments of vgs, from the original.
 pub fn given_back(arguments: &ConvertArguments, set: SplatSet, original: &Path) -> Result<SplatSet, Stop> {
-    let (splats, output) = (arguments.first(), &arguments.output);
+    let splats = arguments.first();
     let summary = splat::describe(splats, &ReadOptions::default())?;
     if summary.layout != splat::ply::ORDINARY {
         let message = "the file states itself what --like would take from another";
@@ -29,16 +29,7 @@ pub fn given_back(arguments: &ConvertArguments, set: SplatSet, original: &Path) 
     if original.unit.is_physical() && !set.unit.is_physical() {
         tracing::warn!("{}: the other program has left no intensities but their grey", splats.display());
     }
-    let exceptions = original.exceptions.len();
-    let set = set.with_statements_of(&original);
-    if set.exceptions.len() < exceptions {
-        tracing::warn!(
-            "{}: without the {exceptions} voxels that are exceptions of the occupancy, since the splats are no \
-             longer as many",
-            output.display()
-        );
-    }
-    Ok(set)
+    Ok(set.with_statements_of(&original))
 }
 
 /// Returns `set` rounded to a coarse lattice and fitted again to the volume and region of the flags.

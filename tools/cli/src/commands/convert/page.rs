@@ -43,8 +43,7 @@ pub fn write(
     let whole = splats.set.splats.len();
     let mut device = || arguments.device.boot();
     if let Some(selection) = Selection::of(arguments, &splats.set.objects())? {
-        let _waiting = Waiting::on("finding the mask of the selection");
-        splats = splats.selected(&|number, mean| selection.has(number, mean), &mut device)?;
+        splats = splats.selected(&|number, mean| selection.has(number, mean));
         if splats.set.splats.is_empty() {
             return Err(nothing(arguments, whole).into());
         }
@@ -98,7 +97,7 @@ fn of_session(arguments: &ConvertArguments, mut state: ViewState) -> Result<Scen
     let mut loaded = LoadedSplats::join(sets.collect::<Vec<(PathBuf, _)>>())?;
     let mut unchanged = Some(sources);
     if !state.deleted.is_empty() {
-        loaded = loaded.without(&arguments.device.boot()?, &state.deleted)?;
+        loaded = loaded.without(&state.deleted);
         unchanged = None;
     }
     state.set_objects(loaded.objects.iter().map(|(row, ..)| row.clone()).collect());

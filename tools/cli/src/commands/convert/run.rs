@@ -3,7 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use engine::render::Look;
-use engine::splat::{self, Form, ReadOptions, SplatSet, WriteOptions};
+use engine::splat::{self, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind};
 use view::io::loaded_splats::LoadedSplats;
 use view::io::saving::{self, Ready};
@@ -153,7 +153,7 @@ impl ConvertArguments {
         let mut loaded = LoadedSplats::join(files)?;
         report.whole = loaded.set.splats.len();
         if !state.deleted.is_empty() {
-            loaded = loaded.without(&self.device.boot()?, &state.deleted)?;
+            loaded = loaded.without(&state.deleted);
         }
         state.set_objects(loaded.objects.iter().map(|(row, ..)| row.clone()).collect());
         let (set, numbers) = loaded.of_files();
@@ -171,15 +171,13 @@ fn prepared(
 ) -> Result<Ready, Stop> {
     let (splats, output) = (arguments.first(), &arguments.output);
     let as_it_is = look.shown(set).len() == set.splats.len();
-    let rounds = splat::rounds(output) && set.form == (Form::Grid { binary: true }) && set.rounding.is_none();
-    if as_it_is && !coloured && !rounds {
-        return Ok(Ready { set: set.clone(), made_of: None, hidden: 0 });
-    }
-    let gpu = arguments.device.boot()?;
-    let _waiting =
-        Waiting::on(if coloured { "finding the colours of the splats" } else { "finding the mask" });
-    let ready =
-        saving::ready(&gpu, set, look, output, arguments.tf.is_some()).map_err(|error| error.file(splats))?;
+    let ready = if coloured {
+        let gpu = arguments.device.boot()?;
+        let _waiting = Waiting::on("finding the colours of the splats");
+        saving::ready(&gpu, set, look, output, arguments.tf.is_some()).map_err(|error| error.file(splats))?
+    } else {
+        Ready { set: if as_it_is { set.clone() } else { saving::shown(set, look) }, made_of: None, hidden: 0 }
+    };
     if !ready.set.splats.is_empty() {
         return Ok(ready);
     }

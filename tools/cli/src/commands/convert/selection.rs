@@ -1,14 +1,12 @@
 //! Which of the splats the flags select.
 
-use engine::fit::with_part_of_mask;
-use engine::splat::{self, Form, Object, ReadOptions, SplatSet};
+use engine::splat::{self, Object, ReadOptions, SplatSet};
 use engine::{Error, Kind};
 use glam::DVec3;
 
 use super::arguments::{ConvertArguments, ObjectFlag};
 use crate::shared::failure::Stop;
 use crate::shared::flags::Corners;
-use crate::shared::waiting::Waiting;
 
 /// A selection of splats.
 pub struct Selection {
@@ -74,10 +72,5 @@ pub fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet,
     if part.splats.is_empty() {
         return Err(nothing(arguments, set.splats.len()).into());
     }
-    if part.form != (Form::Grid { binary: true }) || part.grid.is_none() {
-        return Ok(part);
-    }
-    let gpu = arguments.device.boot()?;
-    let _waiting = Waiting::on("finding the mask of the selection");
-    Ok(with_part_of_mask(&gpu, &set, part)?)
+    Ok(part)
 }

@@ -48,7 +48,7 @@ struct Rates {
     iteration: f64,
     /// Time of fetching figures and splats once.
     look: f64,
-    /// Time of rounding the splats, and of finding the voxels that they have on the wrong side of the mask.
+    /// Time of rounding the splats.
     finish: f64,
     /// Time of the closing evaluation.
     evaluation: f64,
@@ -97,15 +97,11 @@ pub fn estimate(plan: &Trying<'_>) -> Result<Estimate> {
     let mut rates = Rates { before: prepared.before.as_secs_f64(), ..Rates::default() };
     let splats = time_iterations(plan, &mut rates, &waiting)?;
     let early = errors(plan, &splats)?;
-    let finishing = Instant::now();
-    let exceptions = problem.misclassified(gpu, &problem.splat_set(&splats, EARLY))?.exceptions;
-    rates.finish = finishing.elapsed().as_secs_f64();
-    let mut set = prepared.plan.first_set(&splats, settings.config.iterations);
+    let set = prepared.plan.first_set(&splats, settings.config.iterations);
     if set.rounding.is_some() {
         // A fit of its own behind each of the groups that are rounded, but the last.
-        rates.finish += f64::from(ROUNDING_ITERATIONS) * rates.iteration + ROUNDING_FITS * rates.setup;
+        rates.finish = f64::from(ROUNDING_ITERATIONS) * rates.iteration + ROUNDING_FITS * rates.setup;
     }
-    set.exceptions = exceptions;
     if let Some(protocol) = &prepared.protocol {
         rates.evaluation = evaluation_seconds(plan, &set, &splats, protocol)?;
     }
@@ -152,15 +148,7 @@ fn peak_bytes(plan: &Trying<'_>) -> u64 {
 /// Returns the bytes of the file, by the set of early splats.
 fn file_bytes(plan: &Trying<'_>, early: SplatSet) -> Result<u64> {
     let Prepared { files, write, .. } = plan.prepared;
-    let bare = SplatSet { exceptions: Vec::new(), ..early.clone() };
-    let of = |set: &SplatSet| splat::file_bytes(&files.splats, set, write);
-    let (bare, whole) = (of(&bare)?, of(&early)?);
-    let first = of(&plan.prepared.plan.first_set(plan.first, 1))?;
-    tracing::debug!(
-        "bytes: first {first}, early {bare}, with exceptions {whole}, of them {}",
-        early.exceptions.len()
-    );
-    Ok(whole)
+    splat::file_bytes(&files.splats, &early, write)
 }
 
 /// Measures the errors of early splats at the voxels.

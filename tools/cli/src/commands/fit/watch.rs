@@ -99,7 +99,7 @@ impl Watch for FitWatch<'_> {
         let checkpoints = &self.prepared.checkpoints;
         let state = milestone.fitter.state()?;
         if self.keeps(milestone.iteration) {
-            let set = self.prepared.plan.set_on_the_way(milestone.splats, milestone.iteration);
+            let set = self.prepared.plan.set(milestone.splats, milestone.iteration);
             checkpoints.write_splats(&set, milestone.iteration)?;
             self.saved = milestone.iteration;
         }

@@ -461,8 +461,8 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
             _ => "the splats are right at these alone: mode decoded shows them",
         };
         out.add("grid", format!("{} voxels; {right}", joined(&size, " x ")));
-        if s.exceptions > 0 {
-            out.add("exceptions", format!("{} voxels where only this list has the mask right", s.exceptions));
+        if let Some(voxels) = s.region_voxels {
+            out.add("region", format!("{voxels} voxels, exactly those of the mask"));
         }
     }
     let elements: Vec<_> = s.elements.iter().map(|(name, n)| format!("{name} ({n})")).collect();

@@ -6,6 +6,7 @@ use clap::{ArgGroup, Args};
 use engine::image::file;
 use engine::render::{FOV_DEGREES, ObjectChange, Precision, mode};
 use engine::volume::BetweenSlices;
+use engine::volume::edges::Edges;
 use engine::{Error, Kind, Result};
 
 use super::light::LightArguments;
@@ -30,6 +31,10 @@ pub struct RenderArguments {
     #[arg(long, value_name = "smooth|linear", default_value = "smooth", value_parser = between_slices,
           help_heading = "Volume")]
     pub between_slices: BetweenSlices,
+    /// Edges of a binary region: how far they may move from where the mask has them, mm, to be smooth; 0: each voxel stays
+    /// inside or outside; voxel: blocks, as the mask has them
+    #[arg(long, value_name = "voxel|MM", default_value_t, help_heading = "Picture")]
+    pub edges: Edges,
     #[command(flatten)]
     pub region: VolumeRegion,
     #[command(flatten)]

@@ -7,8 +7,8 @@ use engine::fidelity::{self, ShownError};
 use engine::gpu::Gpu;
 use engine::image::{ColourBar, file};
 use engine::render::{
-    Camera, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings, SplatKind, UsualLook,
-    VolumeSource, mode,
+    Camera, DecodeOptions, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings, SplatKind,
+    UsualLook, VolumeSource, mode,
 };
 use engine::splat::{self, SplatSet};
 use engine::transfer::TransferFunction;
@@ -99,7 +99,15 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     }
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
     let shown = volume.as_ref().map(|volume| arguments.between_slices.shown(volume, roi.as_ref()));
-    let source = shown.as_ref().map(|(volume, roi)| VolumeSource { volume, roi: roi.as_deref() });
+    let with_edges = match &shown {
+        Some((volume, Some(roi))) => arguments.edges.shown(volume, roi)?,
+        _ => None,
+    };
+    let source = match (&with_edges, &shown) {
+        (Some((volume, roi)), _) => Some(VolumeSource { volume, roi: Some(roi) }),
+        (None, Some((volume, roi))) => Some(VolumeSource { volume, roi: roi.as_deref() }),
+        (None, None) => None,
+    };
     let unit = set.as_ref().map(|set| set.unit).or(volume.as_ref().map(Volume::unit)).unwrap_or_default();
     let range = intensities(set.as_ref(), volume.as_ref());
     let mut look = arguments.look(console, set.as_ref(), range, transfer::first(unit), row.own_functions)?;
@@ -144,7 +152,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         depth: arguments.output.wants_depth(),
         step: arguments.step.unwrap_or(row.step),
         cell: arguments.cell,
-        pitch: arguments.pitch,
+        decoding: DecodeOptions { pitch: arguments.pitch, edges: arguments.edges },
         classification: arguments.classification.0,
         precise: true,
         ..Settings::new(size)
@@ -152,7 +160,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let preparing = Waiting::on("preparing the scene");
     if let (Some(error), Some(splats)) = (&error, &scene.splats) {
         let (classes, origin) = (error.clone(), scene.origin);
-        splats.decoding_objects(&gpu, settings.pitch, move |at| classes.class(at + origin))?(&mut |_| ())?;
+        splats.decoding_objects(&gpu, settings.decoding, move |at| classes.class(at + origin))?(&mut |_| ())?;
     }
     let mut renderer = Renderer::new(&gpu, row, &scene, &settings)?;
     drop(preparing);

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use engine::splat::{
-    self, Exception, Field, Form, Grid, Harmonics, PLY_LAYOUTS, Place, PlyLayout, Splat, SplatSet,
+    self, Field, Form, Grid, Harmonics, PLY_LAYOUTS, Place, PlyLayout, Region, Splat, SplatSet,
 };
 use engine::unit::Unit;
 use flate2::Crc;
@@ -35,8 +35,8 @@ fn set() -> SplatSet {
         label_names: vec![(1, "liver".into()), (2, "spleen".into())],
         iterations: Some(100),
         grid: Some(Grid { size: [8, 8, 8], world_from_voxel: place().world_from_voxel }),
-        form: Form::Grid { binary: true },
-        exceptions: vec![Exception { voxel: [1, 2, 3], inside: true }],
+        form: Form::Grid,
+        region: Region::of([8; 3], |i| (i % 5 < 3).then_some((i / 100) as u8)),
         splats,
         ..SplatSet::default()
     }
@@ -93,7 +93,7 @@ fn without_comments(file: &[u8]) -> Vec<u8> {
     [kept.as_bytes(), &file[at..]].concat()
 }
 
-/// `.vgs` with labels and exceptions, with none, and with many splats.
+/// `.vgs` with labels and a region, with none, and with many splats.
 pub fn vgs() -> Vec<Vec<u8>> {
     let origin_mm = DVec3::new(3.0, -7.0, 9.0);
     let bare = SplatSet { splats: set().splats, origin_mm, ..SplatSet::default() };
@@ -189,8 +189,8 @@ pub fn glb() -> Vec<Vec<u8>> {
 /// What of the header of a `.vgs` file says where its parts are.
 #[derive(Deserialize)]
 struct Parts {
+    region: Option<Part>,
     layers: Vec<Part>,
-    exceptions: Part,
 }
 
 #[derive(Deserialize)]
@@ -205,18 +205,18 @@ pub fn vgs_sums(bytes: &[u8]) -> Vec<u8> {
     if bytes.len() < START || crc(bytes).is_multiple_of(16) {
         return kept();
     }
-    // The header ends with its last object, that of the exceptions.
-    let key = b"\"exceptions\"";
+    // The header ends with its layers.
+    let key = b"\"layers\"";
     let Some(last) = bytes.windows(key.len()).position(|window| window == key) else { return kept() };
-    let Some(end) = bytes[last..].windows(2).position(|pair| pair == b"}}").map(|at| last + at + 2) else {
+    let Some(end) = bytes[last..].windows(3).position(|end| end == b"}]}").map(|at| last + at + 3) else {
         return kept();
     };
     let mut header = bytes[START.min(last)..end].to_vec();
     let mut rest = &bytes[end..];
-    if let Ok(Parts { layers, exceptions }) = serde_json::from_slice::<Parts>(&header) {
+    if let Ok(Parts { region, layers }) = serde_json::from_slice::<Parts>(&header) {
         let key = b"\"crc32\":";
         let mut from = 0;
-        for part in layers.iter().chain([&exceptions]) {
+        for part in region.iter().chain(&layers) {
             let length = usize::try_from(part.bytes).unwrap_or(usize::MAX).min(rest.len());
             let (own, after) = rest.split_at(length);
             rest = after;

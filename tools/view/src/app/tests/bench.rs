@@ -84,6 +84,7 @@ impl Bench {
             kind: self.kind,
             error: self.error.as_ref().map_or(Measured::Nothing, Measured::Found),
             error_shown: self.error_shown,
+            has_region: self.kind == Some(SplatKind::Grid),
             sigma_mm: self.kind.map(|_| 1.5),
             beside: self.beside,
             volume: self.volume,

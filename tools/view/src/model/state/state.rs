@@ -6,9 +6,10 @@
 use std::path::Path;
 
 use engine::error::{Error, Kind, Result};
-use engine::render::{Appearance, ClipPlane, Look, ObjectChange, PLANES};
+use engine::render::{Appearance, ClipPlane, DecodeOptions, Look, ObjectChange, PLANES};
 use engine::splat;
 use engine::transfer::{Light, TransferFunction};
+use engine::volume::edges::Edges;
 use glam::DVec3;
 use serde::{Deserialize, Serialize};
 
@@ -49,6 +50,9 @@ pub struct ViewState {
     /// either side of it). `None` if it is not split.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     pub split: Option<f64>,
+    /// Edges of binary regions.
+    #[serde(default, skip_serializing_if = "is_first")]
+    pub edges: Edges,
     /// Background: red, green, blue from 0 to 1.
     #[serde(default)]
     pub background: DVec3,
@@ -257,6 +261,7 @@ pub struct Edited {
     transfer: Transfer,
     light: Light,
     background: DVec3,
+    edges: Edges,
     objects: Vec<Object>,
     clip: Clip,
     distances: Vec<Distance>,
@@ -335,6 +340,7 @@ impl ViewState {
             shown: Subject::default(),
             mode: SplatMode::default(),
             split: None,
+            edges: Edges::default(),
             background: DVec3::ZERO,
             files: Files::default(),
             orbit: Orbit::default(),
@@ -351,6 +357,11 @@ impl ViewState {
             deleted: Vec::new(),
             headset: None,
         }
+    }
+
+    /// Returns how splats are decoded.
+    pub fn decoding(&self) -> DecodeOptions {
+        DecodeOptions { pitch: 1.0, edges: self.edges }
     }
 
     /// Returns the subjects of the picture that are `there`: the one that is shown, or, if the picture is split,
@@ -440,6 +451,7 @@ impl ViewState {
             transfer: self.transfer.clone(),
             light: self.light,
             background: self.background,
+            edges: self.edges,
             objects: self.objects.clone(),
             clip: self.clip.clone(),
             distances: self.distances.clone(),
@@ -449,16 +461,17 @@ impl ViewState {
 
     /// Returns true if undo would restore nothing from this to `edited`.
     pub fn is_edited_as(&self, edited: &Edited) -> bool {
-        let Edited { transfer, light, background, objects, clip, distances, deleted } = edited;
-        (&self.transfer, &self.light, &self.background, &self.objects)
-            == (transfer, light, background, objects)
+        let Edited { transfer, light, background, edges, objects, clip, distances, deleted } = edited;
+        (&self.transfer, &self.light, &self.background, &self.edges, &self.objects)
+            == (transfer, light, background, edges, objects)
             && (&self.clip, &self.distances, &self.deleted) == (clip, distances, deleted)
     }
 
     /// Restores what undo brings back.
     pub fn restore(&mut self, edited: Edited) {
-        let Edited { transfer, light, background, objects, clip, distances, deleted } = edited;
+        let Edited { transfer, light, background, edges, objects, clip, distances, deleted } = edited;
         (self.transfer, self.light, self.background, self.objects) = (transfer, light, background, objects);
+        self.edges = edges;
         (self.clip, self.distances, self.deleted) = (clip, distances, deleted);
     }
 
@@ -625,8 +638,8 @@ impl ViewState {
     }
 }
 
-fn is_first(light: &Light) -> bool {
-    *light == Light::default()
+fn is_first<T: Default + PartialEq>(value: &T) -> bool {
+    *value == T::default()
 }
 
 /// Returns a value as TOML. Only paths can fail.
