@@ -99,7 +99,7 @@ const AROUND = [-1, 0, 1].flatMap((z) => [-1, 0, 1].flatMap((y) => [-1, 0, 1].ma
 const weightOf = (step: Vec3): number => step.reduce((weight, d) => weight * (d === 0 ? 0.5 : 0.25), 1);
 
 /**
- * What is shown of a region, voxel by voxel as engine/volume/src/edges.rs and beyond.rs have it, on the box
+ * What is shown of a region, voxel by voxel as engine/volume/src/edges and beyond.rs have it, on the box
  * that is there. `value` tells V and Σ w of a fit at a voxel of the grid.
  */
 export function shown(
@@ -162,9 +162,9 @@ export function shown(
         const { v, weight } = value(fit, moved(p, first));
         if (weight > 1e-37) [values[i], known[i]] = [v, kinds[i]];
     }
-    const found: { i: number; kind: number; v: number; own: number }[] = [];
+    // Splats say what V is in the rim, and what is farther out continues it.
     for (let layer = 0; layer < 2; layer++) {
-        const begin = found.length;
+        const found: { i: number; kind: number; v: number; own: number }[] = [];
         for (const i of all.filter((i) => known[i] === 0)) {
             const sums = new Map<number, [number, number]>();
             for (const step of AROUND) {
@@ -178,19 +178,19 @@ export function shown(
             const [kind, [weight, sum]] = best;
             found.push({ i, kind, v: Math.fround(sum / weight), own: values[i] });
         }
-        for (const { i, kind, v } of found.slice(begin)) [values[i], known[i]] = [v, kind];
-    }
-    const darker = new Map<number, number>();
-    for (const { kind, v, own } of found) {
-        darker.set(kind, (darker.get(kind) ?? 0) + (own < v ? 1 : own > v ? -1 : 0));
-    }
-    for (const { i, kind, v, own } of found) {
-        if (Number.isNaN(own)) continue;
-        values[i] = darker.get(kind)! >= 0 ? Math.min(v, own) : Math.max(v, own);
+        const darker = new Map<number, number>();
+        for (const { kind, v, own } of found) {
+            darker.set(kind, (darker.get(kind) ?? 0) + (own < v ? 1 : own > v ? -1 : 0));
+        }
+        for (const { i, kind, v, own } of found) {
+            const rule = darker.get(kind)! >= 0 ? Math.min : Math.max;
+            [values[i], known[i]] = [Number.isNaN(own) ? v : rule(v, own), kind];
+        }
     }
     const at = (...place: Vec3) => {
         const i = index(place), kind = kinds[i] || known[i];
-        const o = Math.min(Math.max(Math.round(127.5 + (depths[i] - 1024) * 127.5 / 512), 0), 255) / 255;
+        const inside = (depths[i] - 1024) / 512, ramp = inside > 0 ? 0.5 : 1;
+        const o = Math.min(Math.max(Math.round(127.5 + 127.5 * inside / ramp), 0), 255) / 255;
         const number = kind > 0 ? region.objects[kind - 1].number : null;
         return { v: values[i], o: kind > 0 ? o : 0, number };
     };
