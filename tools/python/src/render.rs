@@ -9,6 +9,7 @@ use engine::transfer::{
     self, ColourPoint, FixedTo, Light, Material, OpacityPoint, PRESETS, TransferFunction,
 };
 use engine::volume::BetweenSlices;
+use engine::volume::edges::Edges;
 use engine::{Error, Kind, memory};
 use glam::DVec3;
 use numpy::ndarray::Array3;
@@ -250,7 +251,15 @@ pub fn render<'py>(
         let look = asked.look(splats, range.unwrap_or([0.0, 1.0]), first)?;
         let region = roi.map(|roi| &*roi.roi);
         let shown = volume.map(|volume| BetweenSlices::Smooth.shown(&volume.0, region));
-        let source = shown.as_ref().map(|(volume, roi)| VolumeSource { volume, roi: roi.as_deref() });
+        let edged = match &shown {
+            Some((volume, Some(roi))) => Edges::default().shown(volume, roi)?,
+            _ => None,
+        };
+        let source = match (&edged, &shown) {
+            (Some((volume, roi)), _) => Some(VolumeSource { volume, roi: Some(roi) }),
+            (None, Some((volume, roi))) => Some(VolumeSource { volume, roi: roi.as_deref() }),
+            (None, None) => None,
+        };
         with_device(device, |gpu| {
             let scene = Scene::new(gpu, splats.map(|splats| &*splats.0), source.as_ref(), &look)?;
             let settings =

@@ -119,7 +119,11 @@ impl Arrays<'_> {
             splats.push(splat);
         }
         let labels = self.labels.as_ref().map(|labels| labels.as_array().to_vec());
-        Ok(SplatSet { splats, labels, colours: None, rounding: None, ..like.clone() })
+        let mut set = SplatSet { splats, labels, colours: None, rounding: None, ..like.clone() };
+        if set.labels != like.labels {
+            set.label_region();
+        }
+        Ok(set)
     }
 }
 

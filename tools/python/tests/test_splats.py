@@ -38,7 +38,7 @@ def test_covariances_are_those_of_scales_and_rotations(splats):
 def test_means_lie_in_the_region(ct, bone, splats):
     voxels = np.linalg.solve(ct.affine, np.c_[splats.means, np.ones(len(splats))].T)[:3].T
     nearest = np.clip(np.rint(voxels).astype(int), 0, np.array(ct.shape) - 1)
-    assert np.mean(bone.array[tuple(nearest.T)] > 0) > 0.7
+    assert np.mean(bone.array[tuple(nearest.T)] > 0) > 0.4
 
 
 def test_the_field_is_what_rasterize_has_at_the_voxels(ct, splats):
