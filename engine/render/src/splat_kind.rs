@@ -31,7 +31,7 @@ impl SplatKind {
         match set.form {
             _ if set.colours.is_some() => SplatKind::Coloured,
             Form::Field => SplatKind::Field,
-            Form::Grid { .. } => SplatKind::Grid,
+            Form::Grid => SplatKind::Grid,
         }
     }
 }

@@ -40,7 +40,7 @@ impl Rounding {
     /// Chooses steps for an error of this part of the middle 96 % of the intensities.
     fn of_share(splats: &[Splat], share: f64) -> Self {
         // An error that is not a number is the least.
-        let share = share.max(0.002).min(0.04);
+        let share = if share.is_nan() { 0.002 } else { share.clamp(0.002, 0.04) };
         let root = share.sqrt();
         Rounding::with(splats, 0.36 * root, 1.0 + 0.4 * root, 1.2 * root, 1.0 / (0.42 * share))
     }
