@@ -1,22 +1,48 @@
 //! A volume and its region as they are shown: with smooth edges, and beyond the region with intensities of its own.
 
+use std::borrow::Cow;
+
 use glam::{DAffine3, IVec3};
 use rayon::prelude::*;
 
 use super::edges::{Edges, Occupancy, occupancy};
-use super::{Roi, Volume, beyond, spacing_of};
+use super::{BetweenSlices, Roi, Volume, beyond, spacing_of};
 use base::error::Result;
 use base::memory;
 
+/// Returns a volume and its region as they are shown: with what lies between thick slices, and, of a binary region, the
+/// box around it, with these edges and V of its own beyond. What memory does not hold is left out, with a warning.
+///
+/// # Panics
+/// If the region has another size than the volume.
+pub fn shown<'a>(
+    volume: &'a Volume,
+    roi: Option<&'a Roi>,
+    between: BetweenSlices,
+    edges: Edges,
+) -> (Cow<'a, Volume>, Option<Cow<'a, Roi>>) {
+    let (volume, roi) = between.shown(volume, roi);
+    let with_edges = roi.as_ref().map_or(Ok(None), |roi| edges.around(&volume, roi));
+    match with_edges {
+        Ok(Some((volume, roi))) => (Cow::Owned(volume), Some(Cow::Owned(roi))),
+        Ok(None) => (volume, roi),
+        Err(error) => {
+            tracing::warn!("shown with the edges of the mask: {error}");
+            (volume, roi)
+        }
+    }
+}
+
 impl Edges {
-    /// Returns the box around a binary region, as it is shown: O as the weights, and V of its own beyond it. `None` for a region that is soft, which is shown as it is.
+    /// Returns the box around a binary region, as it is shown: O as the weights, and V of its own beyond it. `None` for a
+    /// region that is soft, which is shown as it is.
     ///
     /// # Errors
     /// [`Kind::HostMemory`](base::Kind) if memory does not hold the box.
     ///
     /// # Panics
     /// If the region has another size than the volume.
-    pub fn shown(self, volume: &Volume, roi: &Roi) -> Result<Option<(Volume, Roi)>> {
+    fn around(self, volume: &Volume, roi: &Roi) -> Result<Option<(Volume, Roi)>> {
         assert_eq!(volume.size, roi.size, "a region of the volume");
         if roi.soft {
             return Ok(None);
@@ -97,20 +123,20 @@ mod tests {
         let weight = (0..756).map(|i| f32::from(u8::from(inside(at(i))))).collect();
         let roi = Roi::new(weight, &volume).expect("a region");
         for edges in [Edges::Voxel, Edges::Within(0.0), Edges::Within(1.0)] {
-            let (shown, of) = edges.shown(&volume, &roi).expect("memory").expect("it is binary");
-            let there = shown.world_from_voxel.inverse() * volume.world_from_voxel;
+            let (boxed, of) = edges.around(&volume, &roi).expect("memory").expect("it is binary");
+            let there = boxed.world_from_voxel.inverse() * volume.world_from_voxel;
             for i in 0..756 {
                 let voxel = at(i).map(|v| v as f64);
                 let place = there.transform_point3(DVec3::from_array(voxel)).round().as_ivec3();
-                let beyond = (0..3).any(|k| place[k] < 0 || place[k] >= shown.size[k] as i32);
+                let beyond = (0..3).any(|k| place[k] < 0 || place[k] >= boxed.size[k] as i32);
                 if beyond {
                     assert!(!inside(at(i)));
                     continue;
                 }
                 let [x, y, z] = place.to_array().map(|v| v as usize);
-                let here = (z * shown.size[1] + y) * shown.size[0] + x;
+                let here = (z * boxed.size[1] + y) * boxed.size[0] + x;
                 if inside(at(i)) {
-                    assert_eq!(shown.samples[here], volume.samples[i], "V inside is that of the scan");
+                    assert_eq!(boxed.samples[here], volume.samples[i], "V inside is that of the scan");
                 }
                 if edges != Edges::Within(1.0) {
                     assert_eq!(of.weight[here] >= 0.5, inside(at(i)), "{edges:?}: each voxel keeps its side");
@@ -122,6 +148,7 @@ mod tests {
         let dark = Volume { samples: volume.samples.iter().map(|v| -v).collect(), ..volume.clone() };
         assert_eq!(dark.of_region_alone(&roi).samples, dark.samples, "or darker");
         let soft = Roi { soft: true, ..roi };
-        assert!(Edges::default().shown(&volume, &soft).expect("memory").is_none());
+        let (as_it_is, _) = shown(&volume, Some(&soft), BetweenSlices::Linear, Edges::default());
+        assert!(matches!(as_it_is, Cow::Borrowed(_)));
     }
 }

@@ -62,6 +62,7 @@ mod volume;
 pub use affine::spacing_of;
 pub use bricks::Bricks;
 pub use cleaning::Cleaning;
+pub use edged::shown;
 pub use fields::FieldRow;
 pub use formats::{FORMATS, Format, files_of};
 pub use interpolation::trilinear;

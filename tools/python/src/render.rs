@@ -8,8 +8,8 @@ use engine::render::{
 use engine::transfer::{
     self, ColourPoint, FixedTo, Light, Material, OpacityPoint, PRESETS, TransferFunction,
 };
-use engine::volume::BetweenSlices;
 use engine::volume::edges::Edges;
+use engine::volume::{self, BetweenSlices};
 use engine::{Error, Kind, memory};
 use glam::DVec3;
 use numpy::ndarray::Array3;
@@ -250,16 +250,8 @@ pub fn render<'py>(
         );
         let look = asked.look(splats, range.unwrap_or([0.0, 1.0]), first)?;
         let region = roi.map(|roi| &*roi.roi);
-        let shown = volume.map(|volume| BetweenSlices::Smooth.shown(&volume.0, region));
-        let edged = match &shown {
-            Some((volume, Some(roi))) => Edges::default().shown(volume, roi)?,
-            _ => None,
-        };
-        let source = match (&edged, &shown) {
-            (Some((volume, roi)), _) => Some(VolumeSource { volume, roi: Some(roi) }),
-            (None, Some((volume, roi))) => Some(VolumeSource { volume, roi: roi.as_deref() }),
-            (None, None) => None,
-        };
+        let shown = volume.map(|of| volume::shown(&of.0, region, BetweenSlices::Smooth, Edges::default()));
+        let source = shown.as_ref().map(|(volume, roi)| VolumeSource { volume, roi: roi.as_deref() });
         with_device(device, |gpu| {
             let scene = Scene::new(gpu, splats.map(|splats| &*splats.0), source.as_ref(), &look)?;
             let settings =

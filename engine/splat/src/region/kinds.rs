@@ -50,20 +50,14 @@ impl Region {
     ) -> Option<Region> {
         let (mut low, mut high) = (end, first);
         let mut objects = BTreeMap::new();
-        let mut found = Vec::new();
-        for z in first[2]..end[2] {
-            for y in first[1]..end[1] {
-                for x in first[0]..end[0] {
-                    let Some(object) = object([x, y, z]) else { continue };
-                    objects.entry(object).or_insert(0u8);
-                    for (k, at) in [x, y, z].into_iter().enumerate() {
-                        (low[k], high[k]) = (low[k].min(at), high[k].max(at + 1));
-                    }
-                    found.push(([x, y, z], object));
-                }
+        for voxel in voxels_of([first, end]) {
+            let Some(object) = object(voxel) else { continue };
+            objects.entry(object).or_insert(0u8);
+            for (k, at) in voxel.into_iter().enumerate() {
+                (low[k], high[k]) = (low[k].min(at), high[k].max(at + 1));
             }
         }
-        if found.is_empty() {
+        if objects.is_empty() {
             return Some(Region { first: [0; 3], size: [0; 3], kinds: Arc::new([]), objects: Vec::new() });
         }
         (objects.len() <= MOST_KINDS).then_some(())?;
@@ -71,10 +65,9 @@ impl Region {
             *number = kind;
         }
         let size = [0, 1, 2].map(|k| high[k] - low[k]);
-        let mut kinds = vec![0; size.iter().map(|&n| n as usize).product()];
-        for (voxel, object) in found {
-            kinds[place(voxel, low, size)] = objects[&object];
-        }
+        // Asking twice takes less memory than keeping the answers.
+        let kinds: Vec<u8> =
+            voxels_of([low, high]).map(|voxel| object(voxel).map_or(0, |of| objects[&of])).collect();
         Some(Region { first: low, size, kinds: kinds.into(), objects: objects.into_keys().collect() })
     }
 
@@ -186,6 +179,12 @@ impl Region {
     }
 }
 
+/// Returns the voxels of a box, x fastest.
+fn voxels_of([first, end]: [[u32; 3]; 2]) -> impl Iterator<Item = [u32; 3]> {
+    let row = move |y, z| (first[0]..end[0]).map(move |x| [x, y, z]);
+    (first[2]..end[2]).flat_map(move |z| (first[1]..end[1]).flat_map(move |y| row(y, z)))
+}
+
 /// Returns the index of a voxel among those of a box.
 pub(super) fn place(voxel: [u32; 3], first: [u32; 3], size: [u32; 3]) -> usize {
     let [x, y, z] = [0, 1, 2].map(|k| (voxel[k] - first[k]) as usize);
@@ -244,6 +243,10 @@ pub(crate) mod tests {
         assert_eq!((joined.fit_of(1), joined.fit_of(2), joined.fit_of(3)), (Some(0), Some(1), None));
         let left = whole.with_objects(|[x, ..], object| (x < 2).then_some(object)).expect("one");
         assert_eq!(left.bounds(), [[1, 1, 1], [2, 2, 2]]);
+        let every_second: Vec<_> =
+            of(&[([2, 4, 6], 3), ([3, 4, 6], 3), ([4, 2, 0], 5)]).every(2).voxels().collect();
+        let object = |number| RegionObject { number, fit: 0 };
+        assert_eq!(every_second, [([2, 1, 0], object(5)), ([1, 2, 3], object(3))]);
         assert_eq!(Region::joined(&[]).expect("none").voxel_count(), 0);
     }
 }

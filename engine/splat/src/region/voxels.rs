@@ -8,7 +8,7 @@
 //!   it is not, whether it is of the kind of the next neighbour that has another, and so on; at last its kind.
 //!
 //! The first of these bits has a model for each pattern of fourteen neighbours that come before the voxel: three in
-//! its row, six in the rows before, five in the slice before (after Christopoulos et al. 1998).
+//! its row, six in the rows before, five in the slice before (after JBIG2).
 
 use std::sync::Arc;
 

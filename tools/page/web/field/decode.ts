@@ -1,14 +1,15 @@
 // V and O of splats at the voxels of the grid that they were fitted on (engine/render/src/decoded).
 import type { Vec3 } from '../types.ts';
 import { eachBrick } from './bricks.ts';
-import { MOST_BRICKS, ROWS, SAMPLES, WHOLE, bricksOf, from, spacingOf } from './field.ts';
+import { MOST_BRICKS, ROWS, SAMPLES, WHOLE, bricksOf } from './field.ts';
 import type { Field, Progress } from './field.ts';
 import { GET_AGAIN, Refusal, tooLarge } from './refusal.ts';
 import { joined } from './region.ts';
 import type { Region } from './region.ts';
 import { decodeRegion } from './shown.ts';
 import {
-    FAR, LEAST_WEIGHT, ROW, Strip, binned, boxAround, confine, footprintsOf, limit, numbersOf, slotsOf,
+    FAR, LEAST_WEIGHT, ROW, Strip, binned, boxAround, confine, footprintsOf, limit, numbersOf, placeIn,
+    slotsOf,
 } from './sums.ts';
 import type { Numbered } from './sums.ts';
 import type { Grid, SplatSet } from './vgs.ts';
@@ -150,12 +151,8 @@ function decodeGrid(parts: Numbered[], binary: boolean, progress: Progress): Fie
             if (slot >= 0) take(x, y, z, slot);
         }
     }
-    const spacing = spacingOf(grid.affine);
     return {
-        size, bricks, slots, values, occupancies, known, there, labels, label,
-        faces: [low.map((v) => -v) as Vec3, low.map((v, k) => grid.size[k] - 1 - v) as Vec3],
-        worldFromVoxel: from(grid.affine, low),
-        edge: (spacing[0] + spacing[1] + spacing[2]) / 3,
+        size, bricks, slots, values, occupancies, known, there, labels, label, ...placeIn(grid, low),
         range: [least, greatest],
         background,
         splats: numbers.length,

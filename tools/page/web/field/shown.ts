@@ -4,11 +4,11 @@ import type { Vec3 } from '../types.ts';
 import { extend } from './beyond.ts';
 import { Around, bricksNear } from './bricks.ts';
 import { MARGIN, REACH, RUN, occupancy } from './edges.ts';
-import { MOST_BRICKS, ROWS, SAMPLES, WHOLE, bricksOf, from, spacingOf } from './field.ts';
+import { MOST_BRICKS, ROWS, SAMPLES, WHOLE, bricksOf } from './field.ts';
 import type { Field, Progress } from './field.ts';
 import { tooLarge } from './refusal.ts';
 import type { Region } from './region.ts';
-import { LEAST_WEIGHT, ROW, Strip, binned, confine, footprintsOf, limit } from './sums.ts';
+import { LEAST_WEIGHT, ROW, Strip, binned, confine, footprintsOf, limit, placeIn } from './sums.ts';
 import type { Numbered } from './sums.ts';
 import type { Grid } from './vgs.ts';
 
@@ -139,12 +139,8 @@ export function decodeRegion(
         if (values[i] > greatest) greatest = values[i];
         if (labels && kind > 0) labels[i] = objects[kind - 1].number;
     }
-    const spacing = spacingOf(grid.affine);
     return {
-        size, bricks, slots, values, occupancies, known: null, there, labels, label,
-        faces: [low.map((v) => -v) as Vec3, low.map((v, k) => grid.size[k] - 1 - v) as Vec3],
-        worldFromVoxel: from(grid.affine, low),
-        edge: (spacing[0] + spacing[1] + spacing[2]) / 3,
+        size, bricks, slots, values, occupancies, known: null, there, labels, label, ...placeIn(grid, low),
         range: [least, greatest],
         background,
         splats: numbers.length,

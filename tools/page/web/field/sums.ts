@@ -1,7 +1,8 @@
 // Sums of splats at the voxels of the grid that they were fitted on (the formulas are those of
 // docs/design/method.md, "The field").
 import type { Vec3 } from '../types.ts';
-import { bricksOf } from './field.ts';
+import { bricksOf, from, spacingOf } from './field.ts';
+import type { Field } from './field.ts';
 import { tooLarge } from './refusal.ts';
 import { inverse } from './vgs.ts';
 import type { Grid, Kernel, SplatSet } from './vgs.ts';
@@ -170,6 +171,16 @@ function ordered(numbers: Uint8Array): Int32Array {
     const order = new Int32Array(numbers.length);
     numbers.forEach((number, i) => (order[starts[number]++] = i));
     return order;
+}
+
+/** Where a box of a grid lies whose first voxel is `low`. */
+export function placeIn(grid: Grid, low: Vec3): Pick<Field, 'faces' | 'worldFromVoxel' | 'edge'> {
+    const [x, y, z] = spacingOf(grid.affine);
+    return {
+        faces: [low.map((v) => -v) as Vec3, low.map((v, k) => grid.size[k] - 1 - v) as Vec3],
+        worldFromVoxel: from(grid.affine, low),
+        edge: (x + y + z) / 3,
+    };
 }
 
 /** First voxel and size of the box around the voxels that splats reach and those beside them. */

@@ -13,7 +13,7 @@ use engine::gpu::Gpu;
 use engine::render::{Probe, VolumeSource};
 use engine::splat::{self, SplatSet};
 use engine::volume::edges::Edges;
-use engine::volume::{BetweenSlices, LabelChoice, Labels, ReadOptions, Roi, Volume, dicom};
+use engine::volume::{self, BetweenSlices, LabelChoice, Labels, ReadOptions, Roi, Volume, dicom};
 use engine::{Error, Result};
 
 pub use crate::io::loaded_splats::LoadedSplats;
@@ -59,17 +59,13 @@ impl LoadedVolume {
     }
 
     /// Returns the volume as a scene takes it: with what lies between its slices if they are thick, and smooth edges of a
-    /// binary region. That takes seconds, so
-    /// the loader's thread asks first.
+    /// binary region. That takes seconds, so the loader's thread asks first.
     pub fn source(&self) -> VolumeSource<'_> {
         let finer = self.finer.get_or_init(|| {
-            let (volume, roi) = BetweenSlices::default().shown(&self.volume, self.roi.as_ref());
-            if let Some(Some((volume, roi))) = roi.as_ref().map(|roi| with_edges(&volume, roi)) {
-                return Some(Box::new(Finer { volume, roi: Some(roi) }));
-            }
-            match volume {
-                Cow::Owned(volume) => Some(Box::new(Finer { volume, roi: roi.map(Cow::into_owned) })),
-                Cow::Borrowed(_) => None,
+            let between = BetweenSlices::default();
+            match volume::shown(&self.volume, self.roi.as_ref(), between, Edges::default()) {
+                (Cow::Owned(volume), roi) => Some(Box::new(Finer { volume, roi: roi.map(Cow::into_owned) })),
+                (Cow::Borrowed(_), _) => None,
             }
         });
         match finer {
@@ -77,14 +73,6 @@ impl LoadedVolume {
             None => VolumeSource { volume: &self.volume, roi: self.roi.as_ref() },
         }
     }
-}
-
-/// Returns a volume and its region with smooth edges, if the region is binary and memory holds that.
-fn with_edges(volume: &Volume, roi: &Roi) -> Option<(Volume, Roi)> {
-    Edges::default().shown(volume, roi).unwrap_or_else(|error| {
-        tracing::warn!("shown with the edges of the mask: {error}");
-        None
-    })
 }
 
 /// Result of a thread of the loader.

@@ -13,7 +13,7 @@ use engine::render::{
 use engine::splat::{self, SplatSet};
 use engine::transfer::TransferFunction;
 use engine::unit::Unit;
-use engine::volume::{Roi, Volume};
+use engine::volume::{self, Roi, Volume};
 use engine::{Error, Kind, Result, fit, memory, transfer};
 use serde::Serialize;
 
@@ -98,16 +98,9 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         row = arguments.error_row(row, set.as_ref())?;
     }
     let (volume, roi) = if wants_volume { arguments.read_volume()? } else { (None, None) };
-    let shown = volume.as_ref().map(|volume| arguments.between_slices.shown(volume, roi.as_ref()));
-    let with_edges = match &shown {
-        Some((volume, Some(roi))) => arguments.edges.shown(volume, roi)?,
-        _ => None,
-    };
-    let source = match (&with_edges, &shown) {
-        (Some((volume, roi)), _) => Some(VolumeSource { volume, roi: Some(roi) }),
-        (None, Some((volume, roi))) => Some(VolumeSource { volume, roi: roi.as_deref() }),
-        (None, None) => None,
-    };
+    let shown = |of| volume::shown(of, roi.as_ref(), arguments.between_slices, arguments.edges);
+    let shown = volume.as_ref().map(shown);
+    let source = shown.as_ref().map(|(volume, roi)| VolumeSource { volume, roi: roi.as_deref() });
     let unit = set.as_ref().map(|set| set.unit).or(volume.as_ref().map(Volume::unit)).unwrap_or_default();
     let range = intensities(set.as_ref(), volume.as_ref());
     let mut look = arguments.look(console, set.as_ref(), range, transfer::first(unit), row.own_functions)?;
