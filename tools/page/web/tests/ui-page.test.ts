@@ -181,15 +181,17 @@ test('what was read goes when the cursor leaves it while it is read', { skip: mi
             assert.equal(await text(), '', `after ${wait} ms`);
         }
         await page.keyboard.press('v');
-        const slice = page.locator('.axial .slice');
-        // Where it shows something.
-        const position = await slice.locator('canvas').evaluate((canvas: HTMLCanvasElement) => {
+        // Where the slice shows something, once it is drawn.
+        const shown = await page.waitForFunction(() => {
+            const canvas = document.querySelector<HTMLCanvasElement>('.axial .slice canvas')!;
             const { data, width } = canvas.getContext('2d')!.getImageData(0, 0, canvas.width, canvas.height);
-            const shown = [...Array(data.length / 4).keys()].filter((i) => data[4 * i + 3] === 255);
-            const i = shown[shown.length >> 1], scale = canvas.clientWidth / width;
-            return { x: (i % width + 0.5) * scale, y: (Math.floor(i / width) + 0.5) * scale };
+            const all = [...Array(data.length / 4).keys()].filter((i) => data[4 * i + 3] === 255);
+            const i = all[all.length >> 1], { left, top, width: wide } = canvas.getBoundingClientRect();
+            const scale = wide / width;
+            return all.length > 0 && { x: left + (i % width + 0.5) * scale, y: top + (Math.floor(i / width) + 0.5) * scale };
         });
-        await slice.hover({ position });
+        const { x, y } = (await shown.jsonValue()) as { x: number; y: number };
+        await page.mouse.move(x, y);
         await page.waitForFunction(() => / mm$/.test(document.getElementById('reading')!.textContent!));
         await page.mouse.move(width, 20);
         await page.waitForTimeout(500);
