@@ -43,7 +43,14 @@ const UNKNOWN: [f32; 3] = [0.36; 3];
 pub fn in_volume(set: &SplatSet, volume: &Volume) -> Result<Vec<Splat>> {
     let splats = set.to_voxel(&volume.world_from_voxel);
     let inside = |s: &Splat| (0..3).all(|a| s.mean[a] >= -1.0 && s.mean[a] <= volume.size[a] as f32);
-    if splats.iter().any(inside) {
+    let voxel_from_world = volume.voxel_from_world();
+    let [first, last] = [DVec3::splat(-1.0), DVec3::from_array(volume.size.map(|n| n as f64))];
+    let overlaps = || {
+        let corners = crate::render::bounds(set).map(|corner| voxel_from_world.transform_point3(corner));
+        let (low, high) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
+        low.cmple(last).all() && high.cmpge(first).all()
+    };
+    if splats.iter().any(inside) || !set.voxels.is_empty() && overlaps() {
         return Ok(splats);
     }
     let message = "no splat lies in the volume: they are of different scans, or one lost its place";
@@ -146,7 +153,7 @@ impl ShownError {
         roi: Option<&Roi>,
         progress: &mut dyn FnMut(f32),
     ) -> Result<Option<Self>> {
-        if set.colours.is_some() || set.splats.is_empty() || volume.is_empty() {
+        if set.colours.is_some() || set.is_empty() || volume.is_empty() {
             return Ok(None);
         }
         let other_volume = set.volume_crc32.is_some_and(|fitted| fitted != volume.crc32());
@@ -162,6 +169,10 @@ impl ShownError {
         let range = volume.min_max().map_or([0.0, 1.0], |(low, high)| [low, high]);
         let protocol = Protocol { offsets: Vec::new(), range, shell: 0, threshold: 0.0 };
         let splats = set.to_voxel(&volume.world_from_voxel);
+        let coded = decoded.as_ref().filter(|_| !set.voxels.is_empty());
+        let coded = coded.map(|decoded| {
+            ErrorMap::of_field(decoded.in_voxels_of(&volume, set.origin_mm), &volume, &roi).volume()
+        });
         let evaluation = match decoded.filter(|_| of_grid) {
             Some(decoded) => {
                 evaluate_field(decoded.in_voxels_of(&volume, set.origin_mm), &volume, &roi, &protocol)
@@ -169,7 +180,10 @@ impl ShownError {
             None => evaluate(gpu, &splats, &set.field, &volume, &roi, &protocol)?,
         };
         progress(0.7);
-        let mut map = ErrorMap::new(gpu, &splats, &set.field, &volume, &roi)?.volume();
+        let mut map = match coded {
+            Some(map) => map,
+            None => ErrorMap::new(gpu, &splats, &set.field, &volume, &roi)?.volume(),
+        };
         map.samples.iter_mut().zip(&roi.weight).filter(|(_, w)| **w <= 0.0).for_each(|(e, _)| *e = f32::NAN);
         progress(1.0);
         Ok(Some(ShownError::of(evaluation.on_grid, evaluation.unit, map, other_volume)))

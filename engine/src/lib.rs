@@ -13,6 +13,7 @@
 //! | [`render`] | a scene of splats or of a volume, seen through a transfer function in one of several modes |
 //! | [`fidelity`] | how far what is shown of splats is from their volume, in figures and colours |
 //! | [`mod@rasterize`] | splats as a volume again |
+//! | [`mod@coded`] | a region without splats: its voxels, coded within a bound |
 //! | `base` | [`Error`], and what else all of them use: [`figures`], [`input`], [`output`], [`memory`], [`names`], [`mod@unit`] |
 //!
 //! Who uses whom is in `docs/design/architecture.md`; volumes, splats, transfer functions and pictures know no Vulkan.
@@ -25,6 +26,7 @@
 #![doc = concat!("```no_run\n", include_str!("../examples/render.rs"), "```\n")]
 #![forbid(unsafe_code)]
 
+pub mod coded;
 pub mod fidelity;
 pub mod rasterize;
 

@@ -7,7 +7,7 @@ use crate::error::Result;
 use crate::fit::evaluate::FieldSample;
 use crate::gpu::Gpu;
 use crate::passes::visit;
-use crate::render::decode;
+use crate::render::{bounds, decode};
 use crate::splat::{Activations, Form, Grid, SplatSet};
 use crate::volume::Volume;
 
@@ -63,18 +63,18 @@ pub fn rasterize(gpu: &Gpu, set: &SplatSet, quantity: Quantity, grid: &mut Volum
     done.map(|()| reached)
 }
 
-/// Returns the grid of this spacing, mm, around the reach of a set; its axes are RAS.
+/// Returns the grid of this spacing, mm, around the reach of a set's splats and its coded voxels; its axes are RAS.
 pub fn grid_around(set: &SplatSet, spacing: DVec3) -> Grid {
-    let (low, high) = set
-        .splats
-        .iter()
-        .map(|s| {
-            let mean = DVec3::from_array(s.mean.map(f64::from));
-            let reach = s.reach(set.field.kernel.support_q());
-            (mean - reach, mean + reach)
-        })
-        .reduce(|a, b| (a.0.min(b.0), a.1.max(b.1)))
-        .unwrap_or_default();
+    let splats = set.splats.iter().map(|s| {
+        let mean = DVec3::from_array(s.mean.map(f64::from));
+        let reach = s.reach(set.field.kernel.support_q());
+        (mean - reach, mean + reach)
+    });
+    let coded = (!set.voxels.is_empty()).then(|| {
+        let [low, high] = bounds(set).map(|corner| corner - set.origin_mm);
+        (low, high)
+    });
+    let (low, high) = splats.chain(coded).reduce(|a, b| (a.0.min(b.0), a.1.max(b.1))).unwrap_or_default();
     // More than an index can count is as good as the most.
     let size = (((high - low) / spacing).ceil() + 1.0).to_array().map(|n| n as u32);
     let affine = DAffine3 { translation: low + set.origin_mm, ..DAffine3::from_scale(spacing) };

@@ -4,6 +4,7 @@
 mod alpha;
 mod beside;
 mod coarse;
+mod coded;
 mod decoded;
 mod decoded_real;
 mod descriptors;

@@ -86,6 +86,21 @@ impl<'a> ErrorMap<'a> {
         Ok(ErrorMap { volume, roi, hu, uncovered, region })
     }
 
+    /// Computes the error map of a field that returns V and O at a place in voxel coordinates.
+    pub fn of_field(field: impl Fn(DVec3) -> (f64, f64) + Sync, volume: &'a Volume, roi: &'a Roi) -> Self {
+        let [nx, ny, _] = volume.size;
+        let region: Vec<usize> = (0..roi.weight.len()).filter(|&i| roi.weight[i] > 0.0).collect();
+        let at =
+            |&i: &usize| field(DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64));
+        let found: Vec<(f64, f64)> = region.par_iter().map(at).collect();
+        let mut hu = vec![0.0; volume.len()];
+        for (&voxel, (value, _)) in region.iter().zip(&found) {
+            hu[voxel] = *value as f32 - volume.samples[voxel];
+        }
+        let uncovered = found.iter().filter(|(_, occupancy)| *occupancy == 0.0).count();
+        ErrorMap { volume, roi, hu, uncovered, region }
+    }
+
     /// Returns the statistics of the whole region.
     pub fn whole(&self) -> Group {
         self.group("region".to_owned(), &self.region)

@@ -21,7 +21,9 @@ use passes::activity::ActivitySources;
 use passes::deconvolution::DevicePoints;
 use passes::{Activity, Ranking, SplatRows};
 use splat::harmonics::basis_count;
-use splat::{Field, Form, Grid, Harmonics, Object, Packed, Region, SplatSet, by_importance, far_splats};
+use splat::{
+    Field, Form, Grid, Harmonics, Object, Packed, Region, SplatSet, Voxels, by_importance, far_splats,
+};
 
 /// Precision of the splats on the device.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -88,6 +90,7 @@ pub struct GpuSplats {
     grid: Option<Grid>,
     form: Form,
     region: Option<Region>,
+    voxels: Vec<Voxels>,
     /// Field that mode decoded shows, with how it was decoded.
     decoded: Arc<Mutex<Option<Decoded>>>,
     /// Coefficients of spherical harmonics, two halves a word; for standard splats only.
@@ -111,7 +114,10 @@ impl GpuSplats {
             let c = f64::from(splat.intensity);
             range = [range[0].min(c), range[1].max(c)];
         }
-        if count == 0 {
+        for (_, value) in set.coded() {
+            range = [range[0].min(value), range[1].max(value)];
+        }
+        if set.is_empty() {
             range = [0.0, 1.0];
         }
         let object_numbers: Vec<u32> = match (&packed, &set.labels) {
@@ -135,7 +141,10 @@ impl GpuSplats {
             count,
             sigma_mm: middle_sigma(splats),
             range,
-            bounds: box_around(splats, &reach),
+            bounds: match of_region(set).filter(|_| set.splats.is_empty()) {
+                Some(corners) => corners,
+                None => box_around(splats, &reach),
+            },
             cores: of_region(set).unwrap_or_else(|| cores(splats, &far)),
             far: far.len(),
             intervals: gpu.upload("intervals of intensity", "splats", &intervals)?,
@@ -151,6 +160,7 @@ impl GpuSplats {
             }),
             form: set.form,
             region: set.region.clone(),
+            voxels: set.voxels.clone(),
             decoded: Arc::default(),
             harmonics: gpu.upload(
                 "spherical harmonics",
@@ -346,6 +356,7 @@ impl GpuSplats {
             grid: self.grid,
             form: self.form,
             region: self.region.clone(),
+            voxels: self.voxels.clone(),
             sigma_mm: self.sigma_mm,
         })
     }

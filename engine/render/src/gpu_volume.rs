@@ -173,7 +173,7 @@ impl Cut {
             );
         let range =
             if low_value <= high_value { [f64::from(low_value), f64::from(high_value)] } else { [0.0, 1.0] };
-        let scale = Scale::of(range, whole);
+        let scale = Scale::of(range, whole.then_some(1.0));
         let filled = |of: &(dyn Fn(usize, usize, usize) -> u16 + Sync)| {
             let mut all = vec![0; size.iter().product()];
             all.par_chunks_mut(size[0]).enumerate().for_each(|(row, out)| {

@@ -1,4 +1,4 @@
-//! Intensities of an object's splats, and whether a transfer function shows them: what is there and cannot be
+//! Intensities of an object's splats, or coded voxels, and whether a transfer function shows them: what is there and cannot be
 //! seen has to be told.
 
 use base::unit::Unit;
@@ -29,6 +29,7 @@ impl Intensities {
         for (i, splat) in set.splats.iter().enumerate() {
             own[set.labels.as_ref().map_or(0, |labels| usize::from(labels[i]))].push(splat.intensity);
         }
+        set.coded().for_each(|(number, v)| own[usize::from(number)].push(v as f32));
         objects.iter().map(|object| Self::of(std::mem::take(&mut own[usize::from(object.number)]))).collect()
     }
 
@@ -40,7 +41,7 @@ impl Intensities {
 
     /// Returns those of all splats of a set; none without intensities.
     pub fn of_set(set: &SplatSet) -> Self {
-        let all = set.splats.iter().map(|splat| splat.intensity);
+        let all = set.splats.iter().map(|splat| splat.intensity).chain(set.coded().map(|(_, v)| v as f32));
         if set.unit.is_physical() { Self::of(all.collect()) } else { Intensities::default() }
     }
 

@@ -156,10 +156,15 @@ impl Look {
         let visible = |i: &usize| {
             let label = set.labels.as_ref().map_or(0, |labels| labels[*i]);
             let mean = DVec3::from_array(set.splats[*i].mean.map(f64::from)) + set.origin_mm;
-            self.objects.get(&label).is_none_or(|own| own.visible)
-                && self.clip.iter().all(|plane| plane.normal.dot(mean) >= plane.offset)
+            self.shows(label, mean)
         };
         (0..set.splats.len()).filter(visible).collect()
+    }
+
+    /// Returns true if the object of this number is shown, and no clip plane cuts away this point, mm RAS.
+    pub fn shows(&self, number: u8, at_mm: DVec3) -> bool {
+        self.objects.get(&number).is_none_or(|own| own.visible)
+            && self.clip.iter().all(|plane| plane.normal.dot(at_mm) >= plane.offset)
     }
 
     /// Returns v₀ of the shaded gradient: the lower end of what some function shows of intensities in `range`.

@@ -11,13 +11,17 @@ pub(super) struct Scale {
 }
 
 impl Scale {
-    /// Creates the scale for intensities from `low` to `high`; `whole` says that all are whole numbers.
-    pub(super) fn of([low, high]: [f64; 2], whole: bool) -> Self {
-        let extent = high - low;
-        let span = match whole && extent <= STEPS {
-            true => STEPS / (STEPS / extent.max(1.0)).floor(),
-            false => extent,
-        };
+    /// Creates the scale for intensities from `low` to `high`. Multiples of `step` are kept as they are, if there are not
+    /// too many.
+    pub(super) fn of([low, high]: [f64; 2], step: Option<f64>) -> Self {
+        if let Some(step) = step {
+            let first = (low / step).floor() * step;
+            let fractions = (STEPS / ((high - first) / step).max(1.0)).floor();
+            if fractions >= 1.0 {
+                return Scale { first, span: STEPS * step / fractions };
+            }
+        }
+        let span = high - low;
         Scale { first: low, span: if span > 0.0 { span } else { 1.0 } }
     }
 

@@ -14,6 +14,7 @@ pub const FORMATS: &[Format] = &[
         rounds: false,
         coloured: false,
         physical: true,
+        voxels: false,
         reader: Reader { sniff: ply::sniff, read: ply::read, describe: ply::describe },
         write: ply::write,
         bytes: ply::bytes,
@@ -23,6 +24,7 @@ pub const FORMATS: &[Format] = &[
         rounds: true,
         coloured: false,
         physical: true,
+        voxels: true,
         reader: Reader { sniff: vgs::sniff, read: vgs::read, describe: vgs::describe },
         write: vgs::write,
         bytes: vgs::bytes,
@@ -32,6 +34,7 @@ pub const FORMATS: &[Format] = &[
         rounds: false,
         coloured: true,
         physical: false,
+        voxels: false,
         reader: Reader { sniff: spz::sniff, read: spz::read, describe: spz::describe },
         write: spz::write,
         bytes: spz::bytes,
@@ -41,6 +44,7 @@ pub const FORMATS: &[Format] = &[
         rounds: false,
         coloured: true,
         physical: true,
+        voxels: false,
         reader: Reader { sniff: glb::sniff, read: glb::read, describe: glb::describe },
         write: glb::write,
         bytes: glb::bytes,
@@ -138,6 +142,7 @@ pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
 
 /// Writes `set` in the format that the extension of `path` names, with the given options.
 pub fn write_as(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
+    check_held(path, set)?;
     (named(path)?.write)(path, set, options)
 }
 
@@ -160,6 +165,20 @@ pub fn is_coloured(path: &Path) -> bool {
 /// Returns true if the format that the extension of `path` names holds intensities.
 pub fn is_physical(path: &Path) -> bool {
     named(path).is_ok_and(|format| format.physical)
+}
+
+/// Fails if the format that the extension of `path` names does not hold the coded voxels of a set.
+///
+/// # Errors
+/// [`Kind::Usage`].
+pub fn check_held(path: &Path, set: &SplatSet) -> Result<()> {
+    if set.voxels.is_empty() || named(path)?.voxels {
+        return Ok(());
+    }
+    let message = "coded voxels, and this format holds splats";
+    Err(Error::new(Kind::Usage, "VGS-SPLAT-013", message)
+        .file(path)
+        .help("write a .vgs or a page (.html), or fit splats to the volume: vgs fit"))
 }
 
 /// Returns the format that the extension of `path` names.

@@ -81,7 +81,7 @@ pub struct Summary {
     pub intensity_range: Option<[f32; 2]>,
     /// The intensities that 0 and 1 of `intensity_01` stand for, if the file gives them.
     pub intensity_01_range: Option<[f32; 2]>,
-    /// Least and greatest mean along each axis, mm RAS with the origin added; absent if there are no splats
+    /// Least and greatest mean, or centre of a coded voxel, along each axis, mm RAS with the origin added; absent if there are none
     /// or only a volume can place them.
     pub bounding_box_mm: Option<[[f64; 3]; 2]>,
     /// Least and greatest mean along each axis as voxel index times spacing, mm, if only a volume can place
@@ -103,6 +103,8 @@ pub struct Summary {
     pub volume_crc32: Option<u32>,
     /// Number of voxels of the region; absent if the set has none.
     pub region_voxels: Option<usize>,
+    /// Greatest error of the intensities of voxels that are coded in place of splats; absent if none are.
+    pub bound: Option<f64>,
     /// What the set was fitted for: the name of a [`Form`](super::Form), or "region" for a grid with a region.
     pub form: &'static str,
 }
@@ -115,11 +117,21 @@ impl Summary {
         layout: &'static str,
         file_bytes: u64,
     ) -> Self {
+        let origin_mm = set.origin_mm.to_array();
+        let corners = set.region.as_ref().filter(|_| !set.voxels.is_empty()).map(Region::bounds);
+        let voxels = corners.zip(set.grid).into_iter().flat_map(|([first, end], grid)| {
+            let corner =
+                move |i: usize| [0, 1, 2].map(|k| if i >> k & 1 > 0 { end[k] - 1 } else { first[k] });
+            (0..8).map(move |i| grid.world_from_voxel.transform_point3(corner(i).map(f64::from).into()))
+        });
+        let voxels: Vec<[f64; 3]> = voxels.map(|corner| (corner - set.origin_mm).to_array()).collect();
         let axis = |k: usize| {
-            let values = || set.splats.iter().map(|splat| f64::from(splat.mean[k]));
+            let values = || {
+                let means = set.splats.iter().map(|splat| f64::from(splat.mean[k]));
+                means.chain(voxels.iter().map(|corner| corner[k]))
+            };
             values().reduce(f64::min).zip(values().reduce(f64::max))
         };
-        let origin_mm = set.origin_mm.to_array();
         let corners = axis(0).zip(axis(1)).zip(axis(2)).map(|((x, y), z)| {
             [[x.0, y.0, z.0], [x.1, y.1, z.1]].map(|corner| std::array::from_fn(|k| corner[k] + origin_mm[k]))
         });
@@ -149,6 +161,7 @@ impl Summary {
             grid_size: set.grid.map(|grid| grid.size),
             volume_crc32: set.volume_crc32,
             region_voxels: set.region.as_ref().map(Region::voxel_count),
+            bound: set.voxels.iter().map(|voxels| voxels.precision.bound()).reduce(f64::max),
             form: set.form_name(),
         }
     }
@@ -164,6 +177,8 @@ pub struct Format {
     pub coloured: bool,
     /// True if the file holds intensities, so that a transfer function can act on what is read of it.
     pub physical: bool,
+    /// True if it holds coded voxels ([`SplatSet::voxels`]).
+    pub voxels: bool,
     /// How a file is read.
     pub reader: Reader,
     /// Writes a file atomically; replaces an existing one only if the options say so.

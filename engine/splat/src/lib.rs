@@ -12,6 +12,7 @@
 //! | `structures` | what structures are, and in which colours they are usually drawn |
 //! | `importance` | an order in which the first n splats represent the set as well as n splats can |
 //! | `grid`, `region` | the grid that a set was fitted on, what it is right for, and its voxels that are shown |
+//! | `voxels` | intensities of voxels, of a set that has these in place of splats |
 //! | `harmonics` | colours of splats that have no intensity |
 //! | `far` | which splats lie far from all others |
 //! | `packed` | a set in 16 bytes a splat |
@@ -48,14 +49,15 @@ mod spz;
 mod structures;
 mod unplaced;
 pub mod vgs;
+pub mod voxels;
 
 pub use activation::Activations;
 pub use defect::defect;
 pub use far::far_splats;
 pub use field::Field;
 pub use file::{
-    FORMATS, describe, file_bytes, is_coloured, is_physical, is_splats, read, read_all, read_some,
-    read_unplaced, rounds, write, write_as,
+    FORMATS, check_held, describe, file_bytes, is_coloured, is_physical, is_splats, read, read_all,
+    read_some, read_unplaced, rounds, write, write_as,
 };
 pub use format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
 pub use grid::{Form, Grid};
@@ -73,3 +75,4 @@ pub use shader_interface::types::Splat;
 pub use structures::{StructureKind, kind_of_structure, usual_colours};
 pub use unplaced::Unplaced;
 pub use vgs::{Group, Rounding};
+pub use voxels::Voxels;

@@ -11,7 +11,7 @@ use std::borrow::Cow;
 use glam::DVec3;
 
 use super::harmonics::basis_count;
-use super::{Field, Form, Harmonics, Region, RegionObject, SplatSet, label_name};
+use super::{Field, Form, Harmonics, Region, RegionObject, SplatSet, Voxels, label_name};
 use base::error::{Error, Kind, Result};
 use base::names;
 
@@ -112,7 +112,9 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let Numbered { labels, names: label_names, of_set } = numbered(&sets)?;
     let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
     let origin_mm = if shared { first.origin_mm } else { common_origin(&sets) };
-    let field = Field { background: mean_background(&sets), ..first.field };
+    let with_splats = sets.iter().find(|(_, set)| !set.splats.is_empty());
+    let field =
+        Field { background: mean_background(&sets), ..with_splats.map_or(first.field, |(_, set)| set.field) };
     let unit = others.iter().fold(first.unit, |unit, (_, s)| unit.joined(s.unit));
     let colours = first.colours.is_some().then(|| joined_colours(&sets));
     let iterations =
@@ -122,6 +124,11 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         first.volume_crc32.filter(|_| others.iter().all(|(_, s)| s.volume_crc32 == first.volume_crc32));
     let form = first.form;
     let region = joined_region(&sets, &of_set)?;
+    let voxels = sets.iter().enumerate().flat_map(|(fit, (_, set))| {
+        let of_fit = move |voxels: &Voxels| Voxels { fit: fit as u8, ..voxels.clone() };
+        set.voxels.first().map(of_fit)
+    });
+    let voxels = voxels.collect();
     let mut splats = Vec::with_capacity(labels.len());
     for (_, set) in sets {
         let apart = set.origin_mm - origin_mm;
@@ -145,6 +152,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         volume_crc32,
         form,
         region,
+        voxels,
         rounding: None,
     })
 }
@@ -201,6 +209,14 @@ fn discord(a: &SplatSet, b: &SplatSet) -> Option<(String, &'static str)> {
         let what =
             "one was fitted for the voxels of its grid, the other for the field between them too".to_owned();
         return Some((what, "fit both with the same --form, or render them apart"));
+    }
+    let is_joined = |set: &SplatSet| set.voxels.len() + usize::from(!set.splats.is_empty()) > 1;
+    if !(a.voxels.is_empty() && b.voxels.is_empty()) && (is_joined(a) || is_joined(b)) {
+        return Some(("one is joined itself".to_owned(), "give the files that it was made of"));
+    }
+    // What is coded has no field of its own.
+    if a.splats.is_empty() || b.splats.is_empty() {
+        return None;
     }
     let (a, b) = (&a.field, &b.field);
     if a.kernel != b.kernel {

@@ -1,8 +1,8 @@
-//! Some splats of a set: a crop, or one organ of several.
+//! Some of a set: a crop, or one organ of several.
 
 use glam::DVec3;
 
-use super::SplatSet;
+use super::{Region, RegionObject, SplatSet};
 
 impl SplatSet {
     /// Returns the splats for which `keep` is true, with all that belongs to them; it is told the index of a
@@ -17,7 +17,36 @@ impl SplatSet {
         self.of_rows(&rows)
     }
 
-    /// Returns the splats of these rows, in this order, as [`SplatSet::selected`] does.
+    /// Returns the splats, and of what is coded the voxels, for which `keep` is true, as [`SplatSet::selected`] does; it is told the number of
+    /// an object and a mean or the centre of a voxel, mm RAS.
+    pub fn part(&self, keep: impl Fn(u8, DVec3) -> bool) -> SplatSet {
+        let number = |i: usize| self.labels.as_ref().map_or(0, |labels| labels[i]);
+        let mut part = self.selected(|i, mean| keep(number(i), mean));
+        if let (Some(region), Some(grid), false) = (&part.region, &self.grid, self.voxels.is_empty()) {
+            let centre = |voxel: [u32; 3]| DVec3::from_array(voxel.map(f64::from));
+            let stays = |voxel, object: RegionObject| {
+                self.voxels_of(object.fit).is_none()
+                    || keep(object.number, grid.world_from_voxel.transform_point3(centre(voxel)))
+            };
+            let left = region.with_objects(|voxel, object| stays(voxel, object).then_some(object));
+            part.region = left.or_else(|| part.region.clone());
+            part.drop_unused();
+        }
+        part
+    }
+
+    /// Drops the names of labels, and the coded voxels, that nothing has any more.
+    fn drop_unused(&mut self) {
+        let objects = self.region.as_ref().map(Region::objects).unwrap_or_default();
+        self.voxels.retain(|voxels| objects.iter().any(|object| object.fit == voxels.fit));
+        if let Some(labels) = &self.labels {
+            let coded = objects.iter().filter(|object| self.voxels.iter().any(|v| v.fit == object.fit));
+            let coded: Vec<u8> = coded.map(|object| object.number).collect();
+            self.label_names.retain(|(label, _)| labels.contains(label) || coded.contains(label));
+        }
+    }
+
+    /// Returns the splats of these rows, in this order, as [`SplatSet::selected`] does. What is coded stays.
     pub fn of_rows(&self, rows: &[usize]) -> SplatSet {
         let mut part = self.clone();
         part.take(rows);
@@ -26,9 +55,7 @@ impl SplatSet {
             rows.iter().for_each(|&row| kept[row] = true);
             part.region = Some(region.part(self, grid, &kept));
         }
-        if let Some(labels) = &part.labels {
-            part.label_names.retain(|(label, _)| labels.contains(label));
-        }
+        part.drop_unused();
         part
     }
 }

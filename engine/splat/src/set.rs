@@ -3,7 +3,7 @@
 use glam::DVec3;
 
 use super::importance::by_importance;
-use super::{Field, Form, Grid, Harmonics, Region, Rounding, Splat};
+use super::{Field, Form, Grid, Harmonics, Region, Rounding, Splat, Voxels};
 use base::unit::Unit;
 
 /// A fitted set of splats in world space, with all that is needed to evaluate its field.
@@ -36,6 +36,9 @@ pub struct SplatSet {
     /// The voxels of the grid that are shown, of a set that was fitted to a binary mask or to labels; `None` if the
     /// occupancy of the splats says how much of each voxel is.
     pub region: Option<Region>,
+    /// V of the region's voxels, for the fits of its objects that have it in place of splats; at most one for each,
+    /// ascending.
+    pub voxels: Vec<Voxels>,
     /// The lattice that the splats were rounded to; `None` if they were not.
     pub rounding: Option<Rounding>,
 }
@@ -56,6 +59,7 @@ impl Default for SplatSet {
             volume_crc32: None,
             form: Form::default(),
             region: None,
+            voxels: Vec::new(),
             rounding: None,
         }
     }
@@ -67,10 +71,43 @@ impl SplatSet {
         self.form.name(self.region.is_some())
     }
 
+    /// Returns true if there is nothing to show: neither splats nor coded voxels.
+    pub fn is_empty(&self) -> bool {
+        self.splats.is_empty() && self.voxels.is_empty()
+    }
+
+    /// Returns the coded voxels of an object of the region; `None` if its V is that of splats.
+    pub fn voxels_of(&self, fit: u8) -> Option<&Voxels> {
+        self.voxels.iter().find(|voxels| voxels.fit == fit)
+    }
+
+    /// Returns the number of splats and coded voxels.
+    pub fn count(&self) -> usize {
+        self.splats.len() + self.coded_count()
+    }
+
+    /// Returns the number of coded voxels of the region.
+    pub fn coded_count(&self) -> usize {
+        let Some(region) = self.region.as_ref().filter(|_| !self.voxels.is_empty()) else { return 0 };
+        let is_coded: Vec<bool> =
+            region.objects().iter().map(|object| self.voxels_of(object.fit).is_some()).collect();
+        region.kinds().iter().filter(|&&kind| kind > 0 && is_coded[usize::from(kind) - 1]).count()
+    }
+
+    /// Returns number of the object and V of each coded voxel of the region.
+    pub fn coded(&self) -> impl Iterator<Item = (u8, f64)> + '_ {
+        let region = self.region.as_ref().filter(|_| !self.voxels.is_empty());
+        region.into_iter().flat_map(Region::voxels).filter_map(|(voxel, object)| {
+            let value = self.voxels_of(object.fit)?.at(voxel.map(i64::from))?;
+            Some((object.number, value))
+        })
+    }
+
     /// Returns the least and the greatest intensity; `None` for an empty set.
     pub fn intensity_range(&self) -> Option<[f64; 2]> {
-        let intensities = || self.splats.iter().map(|splat| f64::from(splat.intensity));
-        intensities().reduce(f64::min).zip(intensities().reduce(f64::max)).map(|(low, high)| [low, high])
+        let splats = self.splats.iter().map(|splat| [f64::from(splat.intensity); 2]);
+        let all = splats.chain(self.coded().map(|(_, value)| [value; 2]));
+        all.reduce(|[a, b], [low, high]| [a.min(low), b.max(high)])
     }
 
     /// Returns this set with all that `original` states beside its splats: for a file that another program has
@@ -86,6 +123,7 @@ impl SplatSet {
             volume_crc32: original.volume_crc32,
             form: original.form,
             region: original.region.clone(),
+            voxels: original.voxels.clone(),
             ..self
         }
     }

@@ -28,9 +28,9 @@ impl Unplaced {
         self.set.splats.len()
     }
 
-    /// Returns true if there are no usable splats.
+    /// Returns true if there are no usable splats, and nothing in their place.
     pub fn is_empty(&self) -> bool {
-        self.set.splats.is_empty()
+        self.set.is_empty()
     }
 
     /// Returns what the intensities are numbers of.

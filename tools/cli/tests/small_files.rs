@@ -101,3 +101,59 @@ fn a_grid_that_no_memory_holds_has_a_region_that_it_does() {
         assert_eq!(ended.code, 0, "{}", ended.err);
     }
 }
+
+#[test]
+fn a_region_is_coded_within_its_bound_by_one_command() {
+    let folder = Folder::new(28);
+    let code = |output: &str, more: &[&str]| {
+        folder.run(&[&["convert", "ct.nii.gz", "-o", output, "--json"], &REGION[..], more].concat())
+    };
+    let [near, far] = [("b.vgs", "6"), ("c.vgs", "60")].map(|(name, bound)| {
+        let told = code(name, &["--bound", bound]).json();
+        assert_eq!(told["bytes"], folder.read(name).len());
+        assert_eq!(told["bound"].as_f64().map(|found| found.to_string()), Some(bound.to_owned()));
+        let found =
+            folder.run(&["eval", name, "ct.nii.gz", "--offsets", "0", "--json", REGION[0], REGION[1]]).json();
+        let worst = found["errors"]["region"]["worst_hu"].as_f64().expect("a number");
+        assert!(worst <= bound.parse::<f64>().expect("a number") + 0.1, "{worst} at {bound}");
+        assert_eq!(found["occupancy_rmse_on_grid"], 0.0, "exactly the mask");
+        told
+    });
+    let number = |told: &serde_json::Value, key: &str| told[key].as_u64().expect("a number");
+    assert!(
+        number(&far, "bytes") < number(&near, "bytes") && number(&far, "voxels") == number(&near, "voxels")
+    );
+    assert_eq!(code("usual.vgs", &[]).json()["bound"], 30.0);
+
+    let info = folder.run(&["info", "b.vgs"]).out;
+    assert!(
+        info.contains("coded in place of splats, each within 6 HU") && !info.contains("kernel"),
+        "{info}"
+    );
+    assert_eq!(folder.run(&["render", "b.vgs", "-o", "b.png", "--size", "64"]).code, 0);
+    assert_eq!(folder.run(&["rasterize", "b.vgs", "--like", "ct.nii.gz", "-o", "v.nii"]).code, 0);
+    assert_eq!(folder.run(&["convert", "b.vgs", "-o", "same.vgs"]).code, 0);
+    assert!(folder.read("same.vgs") == folder.read("b.vgs"), "what is coded stays as it is");
+    let part =
+        folder.run(&["convert", "b.vgs", "-o", "part.vgs", "--box=-100,-100,-100,0,100,100", "--json"]);
+    assert!(number(&part.json(), "splats") < number(&near, "voxels"));
+
+    let refused = |arguments: &[&str], code: &str| {
+        let ended = folder.run(arguments);
+        assert!(ended.code == 2 && ended.err.contains(code), "{arguments:?}: {} {}", ended.code, ended.err);
+    };
+    refused(&["convert", "ct.nii.gz", "-o", "x.vgs"], "VGS-CLI-166");
+    let with =
+        |more: &[&'static str]| [&["convert", "ct.nii.gz", "--roi", "mask.nii.gz", "-o"], more].concat();
+    refused(&with(&["x.ply"]), "VGS-CLI-168");
+    refused(&with(&["x.vgs", "--tf", "CT-Bone"]), "VGS-CLI-167");
+    refused(&with(&["x.vgs", "--bound=-1"]), "VGS-CODE-003");
+    refused(&["convert", "b.vgs", "-o", "x.ply"], "VGS-SPLAT-013");
+    refused(&["convert", "b.vgs", "-o", "x.vgs", "--tf", "CT-Bone"], "VGS-CLI-170");
+    refused(&["convert", "b.vgs", "-o", "x.vgs", "--bound", "3"], "VGS-CLI-165");
+    refused(&["convert", "b.vgs", "-o", "x.vgs", "--roi", "mask.nii.gz"], "VGS-CLI-164");
+    refused(&["render", "b.vgs", "-o", "x.png", "--mode", "alpha"], "VGS-CLI-169");
+    assert!(!folder.path("x.vgs").exists());
+    let ended = folder.run(&with(&["b.vgs"]));
+    assert_eq!(ended.code, 73, "{}", ended.err);
+}

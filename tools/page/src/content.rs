@@ -1,5 +1,5 @@
-//! The data of a page: splats as files of them, or their field on voxels where that is smaller or all that the page can
-//! read.
+//! The data of a page: splats, or the coded voxels in their place, as files of them; or their field on voxels where that is
+//! smaller or all that the page can read.
 
 use engine::gpu::Gpu;
 use engine::render::{DecodeOptions, decode_as, decodes_every_voxel};
@@ -57,7 +57,10 @@ impl Content {
         }
         let file = |Piece { source, numbers }: &Piece| Ok((PartKind::Vgs, file_of(source)?, numbers.clone()));
         let files = content(pieces.iter().map(file).collect::<Result<_>>()?);
-        if core_voxels(set).is_some_and(|voxels| files.bytes() > BYTES_A_VOXEL * voxels) {
+        // Coded voxels are smaller than a field on voxels.
+        let with_splats = pieces.iter().zip(&files.parts).filter(|(piece, _)| !piece.source.set.splats.is_empty());
+        let of_splats: u64 = with_splats.map(|(_, part)| part.bytes).sum();
+        if of_splats > 0 && core_voxels(set).is_some_and(|voxels| of_splats > BYTES_A_VOXEL * voxels) {
             let voxels = voxels(device)?;
             if voxels.bytes() < files.bytes() {
                 return Ok(voxels);
@@ -80,7 +83,7 @@ impl Content {
 }
 
 /// Returns true if the page evaluates such splats itself: those that are right at the voxels of a grid, which needs no least
-/// squares.
+/// squares, and coded voxels.
 fn is_read_by_pages(set: &SplatSet) -> bool {
     set.form == Form::Grid && set.grid.is_some()
 }

@@ -49,7 +49,6 @@ fn whole_file(path: &Path) -> Result<Option<(SplatSet, Vec<u8>)>> {
     memory::require(file.metadata().map_err(failed)?.len(), "the file")?;
     file.read_to_end(&mut bytes).map_err(failed)?;
     let strict = ReadOptions { strict: true, ..ReadOptions::default() };
-    let found =
-        vgs::decode(&bytes, &strict).ok().filter(|(set, widened)| *widened == 0 && !set.splats.is_empty());
+    let found = vgs::decode(&bytes, &strict).ok().filter(|(set, widened)| *widened == 0 && !set.is_empty());
     Ok(found.map(|(set, _)| (set, bytes)))
 }

@@ -68,7 +68,7 @@ impl Splats {
                 Some(set) => Source::of(source.stem, set),
                 None => source,
             };
-            kept.extend((!source.set.splats.is_empty()).then_some(Piece { source, numbers }));
+            kept.extend((!source.set.is_empty()).then_some(Piece { source, numbers }));
         }
         let left: Vec<u8> = set.objects().iter().map(|object| object.number).collect();
         let names = names.into_iter().filter(|(number, _)| left.contains(number)).collect();
@@ -79,9 +79,8 @@ impl Splats {
 /// Returns the splats of a set for which `keep` is true, `number` being that of the object of a label; `None` if these are
 /// all.
 fn part(set: &SplatSet, number: &dyn Fn(u8) -> u8, keep: &dyn Fn(u8, DVec3) -> bool) -> Option<SplatSet> {
-    let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
-    let part = set.selected(|i, mean| keep(number(label(i)), mean));
-    Some(part).filter(|part| part.splats.len() < set.splats.len())
+    let part = set.part(|label, mean| keep(number(label), mean));
+    Some(part).filter(|part| part.count() < set.count())
 }
 
 fn is_coloured(set: &SplatSet) -> bool {

@@ -2,7 +2,7 @@
 //! say what V is in them.
 //!
 //! V of a voxel, and of those of the rim around the region, is that of the splats of one fit, since splats reach beyond
-//! the region that they were fitted to. Voxels that none reaches, and those farther out that interpolation needs, have V
+//! the region that they were fitted to, or of its [coded voxels](splat::Voxels). Voxels that none reaches, and those farther out that interpolation needs, have V
 //! and object of the region's voxels [nearby](volume::beyond).
 
 use glam::{DAffine3, IVec3, UVec3};
@@ -65,7 +65,7 @@ impl Source {
         loop {
             let there = if step == 1 { region.clone() } else { region.every(step) };
             let pitch = f64::from(step);
-            if let Some(found) = self.decode_at(gpu, &there, &grid.at_pitch(pitch), edges, going)? {
+            if let Some(found) = self.decode_at(gpu, &there, (&grid.at_pitch(pitch), step), edges, going)? {
                 return Ok(found.map(|decoded| (decoded, pitch)));
             }
             step *= 2;
@@ -73,12 +73,13 @@ impl Source {
         }
     }
 
-    /// Returns what [`Self::decode_region`] does; `None` if there are too many voxels.
+    /// Returns what [`Self::decode_region`] does, on a lattice of every so many voxels of the grid; `None` if there are too
+    /// many.
     fn decode_at(
         &self,
         gpu: &Gpu,
         region: &Region,
-        lattice: &Grid,
+        (lattice, step): (&Grid, u32),
         edges: Edges,
         going: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Option<Option<Decoded>>> {
@@ -96,7 +97,7 @@ impl Source {
             return Ok(None);
         }
         let layers = edges.layers(spacing);
-        if !self.sample_region(gpu, region, lattice, &extent, (&mut dense, layers), going)? {
+        if !self.sample_region(gpu, region, (lattice, step), &extent, (&mut dense, layers), going)? {
             return Ok(Some(None));
         }
         let background = self.field.background;
@@ -110,7 +111,9 @@ impl Source {
         let found: Vec<(f32, u8, u8)> = (0..bricks.len() * SAMPLES).into_par_iter().map(all).collect();
         let values: Vec<f32> = found.iter().map(|(value, ..)| *value).collect();
         let (least, greatest) = range_of(&values);
-        let scale = Scale::of([least.min(background), greatest.max(background)].map(f64::from), false);
+        let range = [least.min(background), greatest.max(background)].map(f64::from);
+        let step = if let [voxels] = &self.voxels[..] { Some(voxels.precision.step) } else { None };
+        let scale = Scale::of(range, step);
         let numbers: Vec<u8> = region.objects().iter().map(|object| object.number).collect();
         let fallback = numbers.first().copied().unwrap_or(0);
         let number = |kind: u8| numbers.get(usize::from(kind).wrapping_sub(1)).copied().unwrap_or(fallback);
@@ -136,7 +139,7 @@ impl Source {
         &self,
         gpu: &Gpu,
         region: &Region,
-        lattice: &Grid,
+        (lattice, step): (&Grid, u32),
         extent: &Extent,
         (dense, layers): (&mut Dense, usize),
         going: &mut dyn FnMut(f64) -> bool,
@@ -160,6 +163,17 @@ impl Source {
                 extent.mark(&mut wanted, (voxel - 1).max(extent.low), (voxel + 1).min(extent.high));
             }
             let near = with_neighbours(inside, dense.size);
+            if let Some(voxels) = self.voxels.iter().find(|voxels| voxels.fit == fit) {
+                for at in (0..near.len()).filter(|&at| near[at]) {
+                    let kind = dense.kinds[at];
+                    let is_taken = own(kind) || kind == 0 && dense.values[at].is_nan();
+                    let voxel = dense.voxel(at).to_array().map(|v| i64::from(v) * i64::from(step));
+                    if let Some(value) = voxels.at(voxel).filter(|_| is_taken) {
+                        (dense.values[at], known[at]) = (value as f32, kind);
+                    }
+                }
+                continue;
+            }
             let bricks = extent.sampled(|brick| wanted[brick]);
             let part = |done: f64| (turn as f64 + done) / fits.len() as f64;
             let mut going = |done: f64| going(part(done));

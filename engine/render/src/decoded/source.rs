@@ -12,7 +12,7 @@ use crate::scale::{Scale, to_fraction};
 use base::error::Result;
 use gpu::Gpu;
 use passes::Sampler;
-use splat::{Field, Form, Grid, Region, Splat, SplatSet};
+use splat::{Field, Form, Grid, Region, Splat, SplatSet, Voxels};
 use volume::bricks::{BRICK, NO_SLOT, SAMPLES, brick_voxel};
 use volume::{Bricks, spacing_of};
 
@@ -34,6 +34,7 @@ pub(crate) struct Source {
     pub(crate) grid: Option<Grid>,
     pub(crate) form: Form,
     pub(crate) region: Option<Region>,
+    pub(crate) voxels: Vec<Voxels>,
     /// Edge of the voxels if there is no grid.
     pub(crate) sigma_mm: f64,
 }
@@ -67,6 +68,7 @@ impl Source {
             grid: set.grid.map(|grid| Grid { world_from_voxel: here * grid.world_from_voxel, ..grid }),
             form: set.form,
             region: set.region.clone(),
+            voxels: set.voxels.clone(),
             sigma_mm: middle_sigma(&set.splats),
         }
     }
@@ -91,7 +93,7 @@ impl Source {
             size: (extent.high - extent.low + 1).as_uvec3().to_array(),
             scene_from_voxel,
             edge_mm: spacing_of(&self.lattice().world_from_voxel).element_sum() / 3.0,
-            scale: Scale::of([f64::from(background); 2], false),
+            scale: Scale::of([f64::from(background); 2], None),
             empty: [0; 2],
             bricks: extent.bricks,
             slots: bricks.slots.clone(),
@@ -156,7 +158,7 @@ impl Source {
         values = held;
         let (least, greatest) = range_of(&values);
         let (least, greatest) = (least.min(background), greatest.max(background));
-        let scale = Scale::of([least, greatest].map(f64::from), false);
+        let scale = Scale::of([least, greatest].map(f64::from), None);
         decoded.scale = scale;
         decoded.empty = [scale.fraction(background), 0];
         decoded.samples = (0..found.len())

@@ -2,8 +2,10 @@
 //! for a grid it is the field at the voxels around, interpolated, as mode decoded shows it.
 
 use crate::Look;
+use crate::extents::of_region;
 use glam::{DAffine3, DMat3, DVec3, UVec3};
 use splat::{self, Activations, Field, Form, Region, Splat, SplatSet};
+use volume::spacing_of;
 
 /// Greatest number of cells of the grid.
 const MOST_CELLS: f64 = 4e6;
@@ -30,6 +32,8 @@ pub struct Probe {
     listed: Vec<u32>,
     /// Splats that reach many cells.
     large: Vec<u32>,
+    /// Corners of the box around coded voxels, in the space of the set; `None` if there are none.
+    coded: Option<[DVec3; 2]>,
     /// Distance of samples along a ray, mm.
     step: f64,
 }
@@ -43,6 +47,8 @@ struct Voxels {
     last: DVec3,
     /// The voxels that are shown, if the splats do not say how much of each is.
     region: Option<Region>,
+    /// V of those that have it in place of splats.
+    coded: Vec<splat::Voxels>,
 }
 
 impl Voxels {
@@ -51,7 +57,17 @@ impl Voxels {
         let set_from_voxel = DAffine3::from_translation(-set.origin_mm) * grid.world_from_voxel;
         let last = UVec3::from_array(grid.size).as_dvec3() - 1.0;
         let voxel_from_set = set_from_voxel.inverse();
-        Some(Box::new(Voxels { voxel_from_set, set_from_voxel, last, region: set.region.clone() }))
+        let (region, coded) = (set.region.clone(), set.voxels.clone());
+        Some(Box::new(Voxels { voxel_from_set, set_from_voxel, last, region, coded }))
+    }
+
+    /// Returns what is coded of a voxel; `None` if splats say what is there.
+    fn coded(&self, voxel: DVec3, shown: &Shown) -> Option<Sample> {
+        let voxel = voxel.to_array().map(|v| v as i64);
+        let object = self.region.as_ref()?.at(voxel)?;
+        let intensity = self.coded.iter().find(|coded| coded.fit == object.fit)?.at(voxel)?;
+        let share = shown.0[usize::from(object.number)].unwrap_or(0.0);
+        Some(Sample { intensity, occupancy: 1.0, share, object: object.number })
     }
 
     /// Returns what is shown at a voxel of the grid, of what the splats have there.
@@ -75,6 +91,15 @@ struct Sample {
     share: f64,
     /// Object of the splat with most weight there, whose transfer function counts.
     object: u8,
+}
+
+/// Returns the distances between which a ray is within a box, from 0 on.
+fn range_within([low, high]: [DVec3; 2], from: DVec3, direction: DVec3) -> Option<[f64; 2]> {
+    let (a, b) = ((low - from) / direction, (high - from) / direction);
+    // A ray along a face has 0/0 there, which min and max ignore.
+    let near = a.min(b).to_array().into_iter().fold(0.0, f64::max);
+    let far = a.max(b).to_array().into_iter().fold(f64::INFINITY, f64::min);
+    (near < far && far.is_finite()).then_some([near, far])
 }
 
 /// Cells over the box of a set, x fastest.
@@ -119,12 +144,7 @@ impl Grid {
 
     /// Returns the distances between which a ray is within the grid, from 0 on.
     fn range(&self, from: DVec3, direction: DVec3) -> Option<[f64; 2]> {
-        let high = self.low + self.edge * self.size.as_dvec3();
-        let (a, b) = ((self.low - from) / direction, (high - from) / direction);
-        // A ray along a face has 0/0 there, which min and max ignore.
-        let near = a.min(b).to_array().into_iter().fold(0.0, f64::max);
-        let far = a.max(b).to_array().into_iter().fold(f64::INFINITY, f64::min);
-        (near < far && far.is_finite()).then_some([near, far])
+        range_within([self.low, self.low + self.edge * self.size.as_dvec3()], from, direction)
     }
 
     /// Returns the cells that a splat's box reaches.
@@ -232,12 +252,15 @@ impl Probe {
         let shortest = |s: &Splat| s.scale().into_iter().fold(f32::INFINITY, f32::min);
         let mut shortest: Vec<f32> = set.splats.iter().map(shortest).collect();
         let middle = shortest.len() / 2;
+        let coded = of_region(set).filter(|_| !set.voxels.is_empty());
         let step = match shortest.is_empty() {
-            true => LEAST_STEP,
+            true => {
+                set.grid.map_or(LEAST_STEP, |grid| STEP * spacing_of(&grid.world_from_voxel).min_element())
+            }
             false => STEP * f64::from(*shortest.select_nth_unstable_by(middle, f32::total_cmp).1),
         };
         let (field, origin, step) = (set.field, set.origin_mm, step.max(LEAST_STEP));
-        Probe { field, origin, voxels: Voxels::of(set), splats, grid, starts, listed, large, step }
+        Probe { field, origin, voxels: Voxels::of(set), splats, grid, starts, listed, large, coded, step }
     }
 
     /// Returns the field at a point, mm RAS; `None` if no splat reaches it.
@@ -251,7 +274,7 @@ impl Probe {
     /// classify after adding up; clip planes cut, hidden objects leave their place to others.
     pub fn along(&self, from_mm: DVec3, direction: DVec3, look: &Look) -> Option<Hit> {
         let direction = direction.try_normalize().filter(|_| from_mm.is_finite())?;
-        let mut range = self.grid.range(from_mm - self.origin, direction)?;
+        let mut range = self.range(from_mm - self.origin, direction)?;
         for plane in &look.clip {
             // The plane cuts where normal · x < offset.
             let (over, rise) = (plane.normal.dot(from_mm) - plane.offset, plane.normal.dot(direction));
@@ -283,6 +306,16 @@ impl Probe {
         None
     }
 
+    /// Returns the distances between which a ray may meet something, from 0 on.
+    fn range(&self, from: DVec3, direction: DVec3) -> Option<[f64; 2]> {
+        let of_splats = self.grid.range(from, direction).filter(|_| !self.splats.is_empty());
+        let of_coded = self.coded.and_then(|corners| range_within(corners, from, direction));
+        match (of_splats, of_coded) {
+            (Some(a), Some(b)) => Some([a[0].min(b[0]), a[1].max(b[1])]),
+            (one, other) => one.or(other),
+        }
+    }
+
     /// Returns the field at a point in the space of the set; `None` if no splat reaches it.
     fn sample(&self, x: DVec3, shown: &Shown) -> Option<Sample> {
         let Some(voxels) = &self.voxels else { return self.sample_field(&self.sums(x, shown, false)) };
@@ -295,12 +328,16 @@ impl Probe {
             let voxel = low + far;
             // Beyond the grid there is nothing. Voxels of hidden objects stay theirs.
             let inside = voxel.cmpge(DVec3::ZERO).all() && voxel.cmple(voxels.last).all();
-            let sums = self.sums(voxels.set_from_voxel.transform_point3(voxel), shown, true);
-            let Some(found) = self.sample_field(&sums).filter(|_| weight > 1e-9) else { continue };
-            let found = match inside {
-                true => voxels.shown(voxel, found),
-                false => Sample { occupancy: 0.0, share: 0.0, ..found },
+            let coded = voxels.coded(voxel, shown);
+            let of_splats = || {
+                let sums = self.sums(voxels.set_from_voxel.transform_point3(voxel), shown, true);
+                let found = self.sample_field(&sums)?;
+                Some(match inside {
+                    true => voxels.shown(voxel, found),
+                    false => Sample { occupancy: 0.0, share: 0.0, ..found },
+                })
             };
+            let Some(found) = coded.or_else(of_splats).filter(|_| weight > 1e-9) else { continue };
             // Beyond a region V is continued from inside.
             let counts = if voxels.region.is_some() { weight * found.occupancy } else { weight };
             there += counts;

@@ -25,7 +25,7 @@ pub fn bytes(set: &SplatSet, options: &WriteOptions) -> Result<u64> {
 
 /// Refuses a set that no file may hold.
 pub(crate) fn check(set: &SplatSet) -> Result<()> {
-    if set.splats.is_empty() {
+    if set.is_empty() {
         return Err(Error::new(Kind::NothingToDo, "VGS-PLY-011", "there are no splats to write"));
     }
     let broken = |what: String| Err(Error::new(Kind::Internal, "VGS-PLY-012", what));

@@ -186,7 +186,7 @@ fn voxels_of([first, end]: [[u32; 3]; 2]) -> impl Iterator<Item = [u32; 3]> {
 }
 
 /// Returns the index of a voxel among those of a box.
-pub(super) fn place(voxel: [u32; 3], first: [u32; 3], size: [u32; 3]) -> usize {
+pub(crate) fn place(voxel: [u32; 3], first: [u32; 3], size: [u32; 3]) -> usize {
     let [x, y, z] = [0, 1, 2].map(|k| (voxel[k] - first[k]) as usize);
     (z * size[1] as usize + y) * size[0] as usize + x
 }

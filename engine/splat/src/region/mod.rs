@@ -13,6 +13,7 @@ mod occupied;
 mod stored;
 mod voxels;
 
+pub(crate) use kinds::place;
 #[cfg(test)]
 pub(crate) use kinds::tests;
 pub use kinds::{Region, RegionObject};

@@ -94,8 +94,12 @@ impl Region {
             splats[usize::from(kept)][usize::from(number(i))] += 1;
         }
         let has = |number: u8| splats.map(|counts| counts[usize::from(number)] > 0);
+        let is_coded = |number: u8| self.fit_of(number).is_some_and(|fit| whole.voxels_of(fit).is_some());
         // An object without splats is where others are.
         let is_cut = |number: u8| {
+            if is_coded(number) {
+                return false;
+            }
             let [left, kept] = has(number);
             left == kept
         };

@@ -1,7 +1,8 @@
 //! A number near a prediction as decisions: is it there, on which side, how many cells away, where in its cell.
 //!
-//! Numbers lie on a lattice of `step` around the prediction. Cells are of 2^k steps, about half as wide as the
-//! errors expected. How probable a decision is follows from how often it came in the same context.
+//! Numbers are multiples of `step`, so that they stay what they are when they are coded again, among other
+//! neighbours. Cells are of 2^k steps, about half as wide as the errors expected. How probable a decision is follows
+//! from how often it came in the same context.
 
 use super::coder::{Bit, Channel};
 
@@ -9,8 +10,10 @@ use super::coder::{Bit, Channel};
 pub const POINT: u32 = 6;
 /// Largest size of a number.
 pub const LARGEST: i64 = 1 << 28;
-/// Number of contexts.
-pub const CONTEXTS: usize = 7 * 32;
+/// Number of contexts: the levels of an error, by the number of faces that are not inside, in the region and in its rim.
+pub const CONTEXTS: usize = 2 * 7 * 32;
+/// Classes of how far the prediction is from the number of the lattice nearest to it.
+const OFFS: usize = 3;
 /// Kinds of decisions: whether a number is outside the middle cell, the side, and from 2 on whether it is
 /// farther than so many cells; then the first division of a cell, by its side, and all others.
 const KINDS: usize = 24;
@@ -38,7 +41,7 @@ pub struct Decisions {
 
 impl Default for Decisions {
     fn default() -> Self {
-        Decisions { bits: vec![[Bit::EVEN; KINDS]; CONTEXTS] }
+        Decisions { bits: vec![[Bit::EVEN; KINDS]; CONTEXTS * OFFS] }
     }
 }
 
@@ -46,10 +49,18 @@ impl Decisions {
     /// Writes the number of the lattice nearest to `wanted`, or reads one, and returns it; `None` if it is
     /// larger than any.
     pub fn number<C: Channel>(&mut self, c: &mut C, e: &Expected, step: i64, wanted: i64) -> Option<i64> {
-        let centre = ((e.prediction + (1 << (POINT - 1))) >> POINT).clamp(-LARGEST / 2, LARGEST / 2);
+        let predicted = ((e.prediction + (1 << (POINT - 1))) >> POINT).clamp(-LARGEST / 2, LARGEST / 2);
+        let centre = (predicted + step / 2).div_euclid(step) * step;
+        // What lies on the side of the prediction is likelier, however that side is called.
+        let off = predicted - centre;
+        let sign = if off < 0 { -1 } else { 1 };
+        let e = &Expected {
+            context: e.context * OFFS + (off.abs() * 2 * OFFS as i64 / (step + 1)) as usize,
+            ..*e
+        };
         let bits = (0..26).find(|bits| step << (bits + POINT + 1) >= e.size).unwrap_or(26);
         let half = 1 << bits >> 1;
-        let wanted = (wanted - centre + step / 2).div_euclid(step) + half;
+        let wanted = sign * (wanted - centre + step / 2).div_euclid(step) + half;
         let cell = self.cell(c, e, wanted >> bits)?;
         let most = ((2 * LARGEST / step) >> bits) + 2;
         if cell.abs() > most {
@@ -61,7 +72,7 @@ impl Decisions {
             let kind = if first { (HALVES as i64 + 1 + cell.signum()) as usize } else { OTHERS };
             index |= i64::from(self.decide(c, e, kind, wanted >> bit & 1 == 1)) << bit;
         }
-        let number = centre + (index - half) * step;
+        let number = centre + sign * (index - half) * step;
         (number.abs() <= LARGEST).then_some(number)
     }
 

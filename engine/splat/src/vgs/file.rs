@@ -1,4 +1,4 @@
-//! The file: a mark, a header in JSON, the layers, the exceptions.
+//! The file: a mark, a header in JSON, the region, what is coded of it, the layers.
 
 use std::io::Read;
 use std::path::Path;
@@ -11,11 +11,13 @@ use super::exceptions;
 use super::lattice::Lattice;
 use super::layers::{self, COLUMNS, Models, Row};
 use super::rounding::{Cells, Rounding, Steps};
+use super::values;
 use crate::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
 use crate::region::Stored;
+use crate::voxels::{LARGEST_BOUND, LARGEST_CODE, Precision, Sites};
 use crate::{
-    Field, Form, Grid, Kernel, ReadOptions, Region, SplatSet, Summary, Unplaced, WriteOptions, by_importance,
-    defect,
+    Field, Form, Grid, Kernel, ReadOptions, Region, SplatSet, Summary, Unplaced, Voxels, WriteOptions,
+    by_importance, defect,
 };
 use base::error::{Error, Kind, Result};
 use base::memory;
@@ -31,6 +33,8 @@ const LONGEST_HEADER: u32 = 1 << 20;
 const MOST_A_BYTE: u64 = 16;
 /// Host bytes that a splat takes while it is read.
 const HOST_BYTES_A_SPLAT: u64 = 128;
+/// Host bytes that a voxel of the box around the region takes while what is coded is read.
+const HOST_BYTES_A_CODED_VOXEL: u64 = 16;
 /// A set of at least this many splats is cut into layers: an eighth, a quarter, the rest.
 const LAYERED: usize = 4096;
 
@@ -61,6 +65,9 @@ struct Header {
     /// The region; `count` is the number of its voxels.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     region: Option<Part>,
+    /// V of the region's voxels, in place of splats.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    voxels: Vec<VoxelsHeader>,
     layers: Vec<Part>,
     /// What version 1 has for a region.
     #[serde(default, skip_serializing_if = "Option::is_none")]
@@ -72,6 +79,51 @@ struct Header {
 struct GridHeader {
     size: [u32; 3],
     affine: [f64; 12],
+}
+
+/// What is stated of the coded voxels of a fit.
+#[derive(Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+struct VoxelsHeader {
+    fit: u8,
+    /// The intensity that a code of 1 stands for.
+    step: f64,
+    /// Greatest error of a code.
+    bound: u32,
+    /// True if the intensities were whole numbers.
+    whole: bool,
+    /// The slabs, the lowest first; `count` is the number of their voxels of region and rim.
+    slabs: Vec<Part>,
+}
+
+impl VoxelsHeader {
+    /// Returns the header and the bytes of the voxels of a set's fit.
+    fn of(voxels: &Voxels, set: &SplatSet) -> Option<(Self, Vec<u8>)> {
+        let (region, grid) = (set.region.as_ref()?, set.grid?);
+        let sites = Sites::of(region, voxels.fit, grid.size);
+        let codes: Option<Vec<i32>> = sites.voxels().map(|voxel| voxels.code(voxel.map(i64::from))).collect();
+        let Precision { step, codes: bound, whole } = voxels.precision;
+        let slabs = values::encode(&codes?, values::Shape::of(&sites), bound);
+        let count = |k: usize| values::count(values::Shape::of(&sites), k);
+        let parts = slabs.iter().enumerate().map(|(k, slab)| Part::of(count(k), slab)).collect();
+        Some((VoxelsHeader { fit: voxels.fit, step, bound, whole, slabs: parts }, slabs.concat()))
+    }
+
+    fn precision(&self) -> Option<Precision> {
+        let possible = self.bound < LARGEST_BOUND
+            && (1e-30..1e30).contains(&self.step)
+            && (!self.whole || self.step == 1.0);
+        possible.then_some(Precision { step: self.step, codes: self.bound, whole: self.whole })
+    }
+
+    /// Reads the voxels of a region from the bytes of the slabs.
+    fn read(&self, slabs: &[&[u8]], region: &Region, grid: &Grid) -> Option<Voxels> {
+        let precision = self.precision()?;
+        let sites = Sites::of(region, self.fit, grid.size);
+        let codes = values::decode(slabs, values::Shape::of(&sites), self.bound)?;
+        codes.iter().all(|code| code.abs() <= LARGEST_CODE).then_some(())?;
+        Some(Voxels::of_codes(self.fit, precision, sites, &codes))
+    }
 }
 
 /// A part of the file after the header.
@@ -151,8 +203,16 @@ pub fn encode(set: &SplatSet) -> Result<Vec<u8>> {
     let mut models = Models::new(&ranges).ok_or_else(unusable)?;
     let mut payload = set.region.as_ref().map(Region::encode).unwrap_or_default();
     let region = set.region.as_ref().map(|region| Part::of(region.voxel_count(), &payload));
+    let mut voxels = Vec::new();
+    for of in &set.voxels {
+        let (header, bytes) = VoxelsHeader::of(of, set).ok_or_else(unusable)?;
+        payload.extend(bytes);
+        voxels.push(header);
+    }
     let mut parts = Vec::new();
-    let ends = if rows.len() < LAYERED {
+    let ends = if rows.is_empty() {
+        Vec::new()
+    } else if rows.len() < LAYERED {
         vec![rows.len()]
     } else {
         vec![rows.len() / 8, rows.len() * 3 / 8, rows.len()]
@@ -185,6 +245,7 @@ pub fn encode(set: &SplatSet) -> Result<Vec<u8>> {
         cells: rounding.cells,
         ranges,
         region,
+        voxels,
         layers: parts,
         exceptions: None,
     };
@@ -216,18 +277,28 @@ pub fn decode(bytes: &[u8], options: &ReadOptions) -> Result<(SplatSet, usize)> 
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
     let Loaded { set, header, dropped, widened, bytes } = load(path, options)?;
     let payload: u64 = header.layers.iter().map(|part| part.bytes).sum();
+    let slabs = || header.voxels.iter().flat_map(|voxels| &voxels.slabs);
+    let coded: u64 = slabs().chain(&header.region).map(|part| part.bytes).sum();
     let names = ["mean", "shape", "opacity", "intensity"];
     Ok(Summary {
-        encoding: format!(
-            "{} layers, {:.2} bytes a splat",
-            header.layers.len(),
-            payload as f64 / set.splats.len().max(1) as f64
-        ),
+        encoding: match set.region.as_ref().filter(|_| !set.voxels.is_empty()) {
+            Some(region) => format!(
+                "voxels coded in {} slabs, {:.3} bytes each",
+                slabs().count(),
+                coded as f64 / region.voxel_count().max(1) as f64
+            ),
+            None => format!(
+                "{} layers, {:.2} bytes a splat",
+                header.layers.len(),
+                payload as f64 / set.splats.len().max(1) as f64
+            ),
+        },
         dropped,
         widened,
         elements: vec![("splat".to_owned(), set.splats.len() as u64)]
             .into_iter()
             .chain(header.region.map(|region| ("region".to_owned(), region.count)))
+            .chain((!set.voxels.is_empty()).then(|| ("slab".to_owned(), slabs().count() as u64)))
             .chain(header.exceptions.map(|part| ("exception".to_owned(), part.count)))
             .collect(),
         properties: names
@@ -312,6 +383,15 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
         let bytes = take(part).filter(|bytes| crc32(bytes) == part.crc32);
         stored.bytes = Some(bytes.ok_or_else(|| damaged("the region is not as it was written"))?.to_vec());
     }
+    let mut slabs: Vec<Vec<&[u8]>> = Vec::new();
+    for voxels in &header.voxels {
+        let bytes = voxels.slabs.iter().map(|part| take(part).filter(|bytes| crc32(bytes) == part.crc32));
+        slabs.push(
+            bytes
+                .collect::<Option<_>>()
+                .ok_or_else(|| damaged("the coded voxels are not as they were written"))?,
+        );
+    }
     let (mut found, mut missing) = (Vec::new(), 0u64);
     for (index, part) in header.layers.iter().enumerate() {
         let Some(layer) = take(part).filter(|_| missing == 0) else {
@@ -368,11 +448,27 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     set.form = form;
     set.rounding = Some(Rounding { steps: header.steps, cells: header.cells });
     set.region = stored.region(&set)?.map_err(damaged)?;
+    set.voxels = coded(&header, &slabs, &set)?;
     let names_ascend = set.label_names.is_sorted_by(|a, b| a.0 < b.0);
     if !names_ascend || crate::ply::check(&set).is_err() {
         return Err(damaged("the header states what no set can have"));
     }
     Ok(Loaded { set, header, dropped, widened, bytes: bytes.len() as u64 })
+}
+
+/// Reads the coded voxels of a set that has its region.
+fn coded(header: &Header, slabs: &[Vec<&[u8]>], set: &SplatSet) -> Result<Vec<Voxels>> {
+    if header.voxels.is_empty() {
+        return Ok(Vec::new());
+    }
+    let broken = || damaged("the coded voxels cannot be read");
+    let (Some(region), Some(grid)) = (&set.region, &set.grid) else { return Err(broken()) };
+    let [first, end] = region.bounds();
+    let around: u64 = (0..3).map(|k| u64::from(end[k] - first[k]) + 2).product();
+    memory::require(around * HOST_BYTES_A_CODED_VOXEL, "the coded voxels")?;
+    let ascend = header.voxels.is_sorted_by(|a, b| a.fit < b.fit);
+    let read = header.voxels.iter().zip(slabs).map(|(voxels, slabs)| voxels.read(slabs, region, grid));
+    read.collect::<Option<Vec<_>>>().filter(|_| ascend).ok_or_else(broken)
 }
 
 /// What a header states of a set.

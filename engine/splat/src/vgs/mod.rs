@@ -6,6 +6,7 @@
 //! | 4, 4, 4 | version 2, length of the header, CRC-32 of the header; little endian, as all numbers |
 //! | header | JSON: field, grid, labels, steps of the lattice, and length and CRC-32 of each part that follows |
 //! | region | the voxels that are shown, if the set has a [`Region`](crate::Region) |
+//! | slabs | V of the region's voxels, if the set has [`Voxels`](crate::Voxels) in place of splats |
 //! | layers | the splats, the most important layer first: an eighth, a quarter, the rest |
 //!
 //! | file | what it is |
@@ -21,8 +22,8 @@
 //! | `coder` | the range coder |
 //! | `file` | header, reading, writing |
 //!
-//! A file that ends early is read as far as its layers are whole; its region is, always. The splats are rounded. A set that was read
-//! from such a file states its rounding, and is the same when it is written again.
+//! A file that ends early is read as far as its layers are whole; region and slabs are, always. The splats are rounded.
+//! A set that was read from such a file states its rounding, and is the same when it is written again.
 
 pub mod coder;
 mod decisions;

@@ -38,6 +38,9 @@ pub struct Cells {
 impl Cells {
     /// Chooses cells for `means`: as wide as they can be with a cell of its own for nine splats in ten.
     pub fn of(means: &[[f32; 3]]) -> Self {
+        if means.is_empty() {
+            return Cells { first: [0; 3], side_log2: 0 };
+        }
         let low: [f64; 3] = std::array::from_fn(|k| {
             means.iter().map(|mean| f64::from(mean[k])).fold(f64::INFINITY, f64::min)
         });

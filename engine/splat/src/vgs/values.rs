@@ -1,4 +1,5 @@
-//! The intensities of a region's voxels as bytes: none is off by more than a bound.
+//! The intensities of a region's voxels as bytes: none is off by more than a bound, in the rim around the region by
+//! more than twice as much.
 //!
 //! A voxel is predicted from those before it, as `voxel` describes, and the difference is coded as `decisions`.
 //! What the decoder has read is what the encoder predicts from, so errors do not add up. All arithmetic is of
@@ -10,26 +11,32 @@ use rayon::prelude::*;
 
 use super::coder::{Channel, Decoder, Encoder};
 use super::voxel::Coder;
+use crate::voxels::{LARGEST_CODE, RIM_BOUNDS, Sites};
 
 /// Slices of a slab. With 16, files are 1.0 % larger, with 64 0.7 % smaller.
 pub const SLAB: usize = 32;
 /// Largest size of a code, and of a bound.
-pub const LIMIT: i32 = 1 << 26;
+pub const LIMIT: i32 = LARGEST_CODE;
 
-/// Voxels of a box, x fastest; 0 is outside, any other number is the object the voxel belongs to.
+/// Voxels of a box, x fastest.
 #[derive(Clone, Copy, Debug)]
 pub struct Shape<'a> {
     /// Voxels along x, y, z.
     pub size: [usize; 3],
-    /// One number a voxel.
-    pub numbers: &'a [u8],
+    /// The [`Site`](crate::voxels::Site) of each.
+    pub sites: &'a [u8],
 }
 
 impl<'a> Shape<'a> {
+    /// Returns the shape of a region and its rim.
+    pub(crate) fn of(sites: &'a Sites) -> Self {
+        Shape { size: sites.size.map(|n| n as usize), sites: &sites.sites }
+    }
+
     /// Returns the slabs, each with the slice before it and the one behind it, where there are such.
     fn slabs(self) -> Vec<Slab<'a>> {
         let [x, y, depth] = self.size;
-        let slices: Vec<_> = (0..depth).map(|z| &self.numbers[z * x * y..][..x * y]).collect();
+        let slices: Vec<_> = (0..depth).map(|z| &self.sites[z * x * y..][..x * y]).collect();
         let slab = |start: usize| {
             let end = (start + SLAB).min(depth);
             let before = start.checked_sub(1).map(|z| slices[z]);
@@ -46,13 +53,14 @@ impl<'a> Shape<'a> {
 
 /// Returns the bytes of each slab, the lowest first; none for a slab without voxels.
 ///
-/// `codes` are those of the region's voxels, x fastest. A decoded code is off by at most `bound`.
+/// Codes that were decoded give the same bytes again. `codes` are those of the voxels that are not outside, x fastest. A decoded code is off by at most `bound`, in the rim by
+/// [`RIM_BOUNDS`] times that.
 ///
 /// # Panics
 ///
-/// If there are more or fewer codes or numbers than voxels, or a code or the bound is beyond [`LIMIT`].
+/// If there are more or fewer codes or sites than voxels, or a code or the bound is beyond [`LIMIT`].
 pub fn encode(codes: &[i32], shape: Shape<'_>, bound: u32) -> Vec<Vec<u8>> {
-    assert_eq!(shape.size.iter().product::<usize>(), shape.numbers.len(), "numbers");
+    assert_eq!(shape.size.iter().product::<usize>(), shape.sites.len(), "sites");
     assert!(bound <= LIMIT as u32, "bound {bound}");
     assert!(codes.iter().all(|code| (-LIMIT..=LIMIT).contains(code)), "codes");
     let slabs = shape.slabs();
@@ -74,6 +82,11 @@ pub fn decode<B: AsRef<[u8]> + Sync>(bytes: &[B], shape: Shape<'_>, bound: u32) 
     Some(parts?.concat())
 }
 
+/// Returns the number of voxels of a slab, the `slab`-th from the lowest.
+pub(crate) fn count(shape: Shape<'_>, slab: usize) -> usize {
+    shape.slabs().get(slab).map_or(0, Slab::count)
+}
+
 /// Reads one slab of what [`encode`] wrote, the `slab`-th from the lowest.
 pub fn decode_slab(bytes: &[u8], slab: usize, shape: Shape<'_>, bound: u32) -> Option<Vec<i32>> {
     let slabs = shape.slabs();
@@ -90,33 +103,31 @@ struct Slab<'a> {
 
 impl Slab<'_> {
     fn count(&self) -> usize {
-        self.slices.iter().map(|slice| slice.iter().filter(|&&number| number > 0).count()).sum()
+        self.slices.iter().map(|slice| slice.iter().filter(|&&site| site > 0).count()).sum()
     }
 
     fn encode(&self, codes: &[i32], bound: u32) -> Vec<u8> {
         if codes.is_empty() {
             return Vec::new();
         }
-        let start = (codes.iter().map(|&code| i64::from(code)).sum::<i64>() / codes.len() as i64) as i32;
         let mut out = Encoder::default();
-        self.walk(&mut out, start, bound, Some(codes)).expect("codes within the limit");
-        [&start.to_le_bytes()[..], &out.finish()].concat()
+        self.walk(&mut out, bound, Some(codes)).expect("codes within the limit");
+        out.finish()
     }
 
     fn decode(&self, bytes: &[u8], bound: u32) -> Option<Vec<i32>> {
         if self.count() == 0 {
             return bytes.is_empty().then(Vec::new);
         }
-        let (start, bytes) = bytes.split_first_chunk()?;
-        let start = Some(i32::from_le_bytes(*start)).filter(|start| (-LIMIT..=LIMIT).contains(start))?;
         let mut input = Decoder::new(bytes);
-        let codes = self.walk(&mut input, start, bound, None)?;
+        let codes = self.walk(&mut input, bound, None)?;
         (!input.is_beyond()).then_some(codes)
     }
 
     /// Writes `codes`, or reads them, and returns what is read.
-    fn walk<C: Channel>(&self, c: &mut C, start: i32, bound: u32, codes: Option<&[i32]>) -> Option<Vec<i32>> {
-        let mut coder = Coder::new(self.size, start, bound);
+    fn walk<C: Channel>(&self, c: &mut C, bound: u32, codes: Option<&[i32]>) -> Option<Vec<i32>> {
+        let rim = (bound * RIM_BOUNDS).min(LIMIT as u32);
+        let mut coder = Coder::new(self.size, [rim, bound]);
         let mut out: Vec<i32> = Vec::new();
         coder.load(self.before);
         coder.load(self.slices.first().copied());
@@ -141,26 +152,26 @@ mod tests {
     use super::*;
     use crate::vgs::decisions::LARGEST;
 
-    /// Returns numbers of a box, of which about `part` is inside in lumps, and codes of that many voxels: waves
-    /// of 300 and noise.
+    /// Returns sites of a box, of which about `part` is inside or, in stripes, rim, in lumps, and codes of that many
+    /// voxels: waves of 300 and noise.
     fn case(size: [usize; 3], part: f64, noise: i32) -> (Vec<u8>, Vec<i32>) {
         let mut rng = Pcg64::seed_from_u64(11);
         let wave = |x: usize, y: usize, z: usize| {
             [x, y, z].map(|index| ((index * 41 % 640) as i32 - 320).abs() - 160).iter().sum::<i32>()
         };
-        let (mut numbers, mut codes) = (Vec::new(), Vec::new());
+        let (mut sites, mut codes) = (Vec::new(), Vec::new());
         for z in 0..size[2] {
             for y in 0..size[1] {
                 for x in 0..size[0] {
                     let inside = f64::from(wave(y, z, x) + 480) <= 960.0 * part;
-                    numbers.push(if inside { 1 + (x / 20 % 255) as u8 } else { 0 });
+                    sites.push(if inside { 1 + u8::from(x / 9 % 3 > 0) } else { 0 });
                     if inside {
                         codes.push(wave(x, y, z) + rng.random_range(-noise..=noise));
                     }
                 }
             }
         }
-        (numbers, codes)
+        (sites, codes)
     }
 
     fn bytes(slabs: &[Vec<u8>]) -> usize {
@@ -168,13 +179,16 @@ mod tests {
     }
 
     /// Checks that codes come back within the bound.
-    fn check(size: [usize; 3], numbers: &[u8], codes: &[i32], bound: u32) -> Vec<Vec<u8>> {
-        let shape = Shape { size, numbers };
+    fn check(size: [usize; 3], sites: &[u8], codes: &[i32], bound: u32) -> Vec<Vec<u8>> {
+        let shape = Shape { size, sites };
         let coded = encode(codes, shape, bound);
         let back = decode(&coded, shape, bound).expect("what was encoded");
         assert_eq!(back.len(), codes.len());
-        let worst = back.iter().zip(codes).map(|(a, b)| a.abs_diff(*b)).max().unwrap_or(0);
-        assert!(worst <= bound, "{worst} above {bound} in {size:?}");
+        let there = sites.iter().filter(|&&site| site > 0);
+        for ((a, b), &site) in back.iter().zip(codes).zip(there) {
+            let most = if site == 1 { RIM_BOUNDS * bound } else { bound };
+            assert!(a.abs_diff(*b) <= most, "{a} for {b} at {site} with {bound} in {size:?}");
+        }
         coded
     }
 
@@ -183,9 +197,9 @@ mod tests {
         let sizes = [[1, 1, 1], [40, 30, 70], [90, 1, 40], [1, 60, 33], [200, 50, 1], [1, 1, 100], [7, 0, 3]];
         for size in sizes {
             for part in [0.0, 0.4, 1.0] {
-                let (numbers, codes) = case(size, part, 20);
+                let (sites, codes) = case(size, part, 20);
                 for bound in [0, 1, 30, 700, LIMIT as u32] {
-                    let coded = check(size, &numbers, &codes, bound);
+                    let coded = check(size, &sites, &codes, bound);
                     assert_eq!(coded.len(), size[2].div_ceil(SLAB));
                 }
             }
@@ -197,14 +211,14 @@ mod tests {
         let mut rng = Pcg64::seed_from_u64(13);
         for largest in [1, 100_000, LIMIT] {
             for rare in [0.01, 1.0] {
-                let numbers = vec![3; 20 * 20 * 20];
+                let sites = vec![2; 20 * 20 * 20];
                 let code = |_| match rng.random_bool(rare) {
                     true => [-largest, largest, rng.random_range(-largest..=largest)][rng.random_range(0..3)],
                     false => 5,
                 };
-                let codes: Vec<_> = (0..numbers.len()).map(code).collect();
+                let codes: Vec<_> = (0..sites.len()).map(code).collect();
                 for bound in [0, 9, 1 << 20, LIMIT as u32] {
-                    check([20; 3], &numbers, &codes, bound);
+                    check([20; 3], &sites, &codes, bound);
                 }
             }
         }
@@ -212,22 +226,22 @@ mod tests {
 
     #[test]
     fn bytes_are_few() {
-        let (numbers, codes) = case([60, 60, 40], 0.6, 20);
+        let (sites, codes) = case([60, 60, 40], 0.6, 20);
         let per_voxel =
-            |bound| 8.0 * bytes(&check([60, 60, 40], &numbers, &codes, bound)) as f64 / codes.len() as f64;
+            |bound| 8.0 * bytes(&check([60, 60, 40], &sites, &codes, bound)) as f64 / codes.len() as f64;
         // The noise is of 41 values: 5.36 bits.
         let (lossless, near) = (per_voxel(0), per_voxel(4));
         assert!((5.3..6.2).contains(&lossless), "{lossless} bits");
         assert!((1.9..3.1).contains(&near), "{near} bits");
-        let flat = bytes(&check([60, 60, 40], &numbers, &vec![-1000; codes.len()], 0));
+        let flat = bytes(&check([60, 60, 40], &sites, &vec![-1000; codes.len()], 0));
         assert!(flat < 200, "{flat} bytes");
     }
 
     #[test]
     fn a_slab_is_read_alone() {
         let size = [30, 20, 100];
-        let (numbers, codes) = case(size, 0.5, 9);
-        let shape = Shape { size, numbers: &numbers };
+        let (sites, codes) = case(size, 0.5, 9);
+        let shape = Shape { size, sites: &sites };
         let coded = encode(&codes, shape, 2);
         let all = decode(&coded, shape, 2).expect("what was encoded");
         let parts: Vec<_> = (0..4).map(|k| decode_slab(&coded[k], k, shape, 2).expect("a slab")).collect();
@@ -240,13 +254,13 @@ mod tests {
     /// Files are read for ever: other bytes here are another format.
     #[test]
     fn bytes_are_the_same_on_every_machine() {
-        let (numbers, codes) = case([50, 40, 40], 0.5, 30);
+        let (sites, codes) = case([50, 40, 40], 0.5, 30);
         let sums = [0, 3, 60].map(|bound| {
             let mut sum = Crc::new();
-            check([50, 40, 40], &numbers, &codes, bound).iter().for_each(|slab| sum.update(slab));
+            check([50, 40, 40], &sites, &codes, bound).iter().for_each(|slab| sum.update(slab));
             sum.sum()
         });
-        assert_eq!(sums, [3_536_819_140, 3_204_012_146, 2_101_254_234]);
+        assert_eq!(sums, [656_684_080, 3_395_664_462, 4_017_939_687]);
     }
 
     proptest! {
@@ -261,8 +275,8 @@ mod tests {
             bound in prop::sample::select(vec![0, 5, 1000, LIMIT as u32, u32::MAX]),
         ) {
             let size = [12, 9, 20];
-            let (numbers, codes) = case(size, 0.7, 40);
-            let shape = Shape { size, numbers: &numbers };
+            let (sites, codes) = case(size, 0.7, 40);
+            let shape = Shape { size, sites: &sites };
             let mut slab = encode(&codes, shape, 5).remove(0);
             for (at, byte) in changes {
                 let at = at.index(slab.len());

@@ -2,12 +2,13 @@
 //! nearby.
 //!
 //! One learns from the voxels of late, the others from those of late in tiles of the slice, and so from the same
-//! place of the slices before. Their terms are the neighbours, and which faces of the voxel are outside: what is
-//! inside is known of all voxels from the beginning.
+//! place of the slices before. Their terms are the neighbours, and which faces of the voxel are not inside: what is
+//! inside is known of all voxels from the beginning. Voxels of the rim have regressions and contexts of their own.
 
 use super::coder::Channel;
 use super::decisions::{Decisions, Expected, LARGEST as LARGEST_NUMBER, POINT};
 use super::regression::{LARGEST as LARGEST_TERM, Regression, TERMS, WEIGHT_BITS};
+use crate::voxels::Site;
 
 /// Neighbours before a voxel, x first, and their weights in means.
 const NEIGHBOURS: [([i64; 3], i64); 18] = [
@@ -71,14 +72,13 @@ impl<T: Copy> Ring<T> {
     }
 }
 
-impl Ring<bool> {
-    /// Begins a slice that is inside where it has a number.
+impl Ring<u8> {
+    /// Begins a slice with these sites.
     fn load(&mut self, slice: Option<&[u8]>) {
         self.push();
         let (width, row) = (self.size[0], self.size[0] + 2 * RIM);
-        for (y, numbers) in slice.unwrap_or_default().chunks_exact(width.max(1)).enumerate() {
-            let to = &mut self.planes[0][(y + RIM) * row + RIM..][..width];
-            to.iter_mut().zip(numbers).for_each(|(to, &number)| *to = number > 0);
+        for (y, sites) in slice.unwrap_or_default().chunks_exact(width.max(1)).enumerate() {
+            self.planes[0][(y + RIM) * row + RIM..][..width].copy_from_slice(sites);
         }
     }
 }
@@ -95,13 +95,14 @@ struct Past {
 
 /// Everything that is learned while a slab is walked over.
 pub struct Coder {
-    step: i64,
+    /// Of the rim, and inside; so are the regressions.
+    steps: [i64; 2],
     last: i64,
     past: Ring<Past>,
-    inside: Ring<bool>,
+    sites: Ring<u8>,
     neighbours: Vec<(usize, isize, i64)>,
     faces: [(usize, isize); 6],
-    regressions: [Vec<Option<Box<Regression>>>; TILES.len()],
+    regressions: [[Vec<Option<Box<Regression>>>; TILES.len()]; 2],
     decisions: Decisions,
 }
 
@@ -116,35 +117,37 @@ struct Seen {
     scale: i64,
     /// Sums of the errors of each regression.
     errors: [i64; TILES.len()],
-    /// Number of faces that are outside.
+    /// Number of faces that are not inside.
     faces: usize,
+    /// Whether the voxel itself is.
+    is_inside: bool,
 }
 
 impl Coder {
-    /// Creates a coder of slices of a size; `start` stands for the value before the first.
-    pub fn new(size: [usize; 2], start: i32, bound: u32) -> Self {
+    /// Creates a coder of slices of a size. The bounds are those of the rim and of what is inside.
+    pub fn new(size: [usize; 2], bounds: [u32; 2]) -> Self {
         let past = Ring::new(size, Past { value: 0, error: 0, errors: [0; TILES.len()], known: false });
-        let inside = Ring::new(size, false);
+        let sites = Ring::new(size, Site::Outside as u8);
         let neighbours =
             NEIGHBOURS.map(|([x, y, z], weight)| (-z as usize, past.offset([x, y]), weight)).to_vec();
         // Here plane 0 is the slice behind.
         let faces = [[1, 0, 0], [-1, 0, 0], [0, 1, 0], [0, -1, 0], [0, 0, 1], [0, 0, -1]];
-        let place = |[x, y, z]: [i64; 3]| ((1 - z) as usize, inside.offset([x, y]));
+        let place = |[x, y, z]: [i64; 3]| ((1 - z) as usize, sites.offset([x, y]));
         Coder {
-            step: 2 * i64::from(bound) + 1,
-            last: i64::from(start),
+            steps: bounds.map(|bound| 2 * i64::from(bound) + 1),
+            last: 0,
             neighbours,
             faces: faces.map(place),
             past,
-            inside,
-            regressions: std::array::from_fn(|_| Vec::new()),
+            sites,
+            regressions: std::array::from_fn(|_| std::array::from_fn(|_| Vec::new())),
             decisions: Decisions::default(),
         }
     }
 
-    /// Tells what is inside the next slice, which is one ahead of the slice that is coded.
+    /// Tells the sites of the next slice, which is one ahead of the slice that is coded.
     pub fn load(&mut self, slice: Option<&[u8]>) {
-        self.inside.load(slice);
+        self.sites.load(slice);
     }
 
     /// Begins a slice; `behind` is the one after it.
@@ -164,7 +167,12 @@ impl Coder {
         let predictions: [i64; TILES.len()] = std::array::from_fn(|k| self.predict(k, tiles[k], &seen));
         let prediction = seen.blend(predictions);
         let expected = seen.expect(prediction);
-        let number = self.decisions.number(c, &expected, self.step, i64::from(wanted))?;
+        let number = self.decisions.number(
+            c,
+            &expected,
+            self.steps[usize::from(seen.is_inside)],
+            i64::from(wanted),
+        )?;
         let error = |prediction: i64| ((number << POINT) - prediction).abs().min(i64::from(i32::MAX)) as i32;
         let value = number as i32;
         self.past.planes[0][at] =
@@ -194,6 +202,7 @@ impl Coder {
             terms: [0; TERMS],
             errors,
             faces: 0,
+            is_inside: self.sites.planes[1][at] == Site::Inside as u8,
         };
         if weights > 0 {
             seen.mean = (values + weights / 2).div_euclid(weights);
@@ -201,7 +210,8 @@ impl Coder {
             seen.difference = (self.neighbours.iter().map(size).sum::<i64>() << POINT) / weights;
             seen.error = error / weights;
         }
-        seen.scale = seen.error / 2 + seen.difference / 4 + (self.step << POINT);
+        seen.scale =
+            seen.error / 2 + seen.difference / 4 + (self.steps[usize::from(seen.is_inside)] << POINT);
         for (k, neighbour) in self.neighbours.iter().enumerate() {
             if past(neighbour).known {
                 seen.terms[k] = seen.term(i64::from(past(neighbour).value));
@@ -213,8 +223,9 @@ impl Coder {
 
     /// Adds what is inside around the voxel.
     fn surround(&self, at: usize, seen: &mut Seen) {
-        let outside =
-            |&(plane, offset): &(usize, isize)| !self.inside.planes[plane][at.wrapping_add_signed(offset)];
+        let outside = |&(plane, offset): &(usize, isize)| {
+            self.sites.planes[plane][at.wrapping_add_signed(offset)] != Site::Inside as u8
+        };
         let terms = &mut seen.terms[NEIGHBOURS.len()..];
         for (k, _) in self.faces.iter().enumerate().filter(|(_, face)| outside(face)) {
             seen.faces += 1;
@@ -224,8 +235,9 @@ impl Coder {
 
     /// Predicts by the `k`-th regression, which begins with the weights of the first.
     fn predict(&mut self, k: usize, tile: usize, seen: &Seen) -> i64 {
-        let home = self.regressions[0].first().and_then(Option::as_ref).map_or(FIRST, |first| first.weights);
-        let regressions = &mut self.regressions[k];
+        let regressions = &mut self.regressions[usize::from(seen.is_inside)];
+        let home = regressions[0].first().and_then(Option::as_ref).map_or(FIRST, |first| first.weights);
+        let regressions = &mut regressions[k];
         if regressions.len() <= tile {
             regressions.resize_with(tile + 1, || None);
         }
@@ -238,7 +250,9 @@ impl Coder {
     fn learn(&mut self, tiles: [usize; TILES.len()], seen: &Seen, number: i64) {
         let sum = seen.term(number);
         let mut home = FIRST;
-        for (k, (regressions, tile)) in self.regressions.iter_mut().zip(tiles).enumerate() {
+        for (k, (regressions, tile)) in
+            self.regressions[usize::from(seen.is_inside)].iter_mut().zip(tiles).enumerate()
+        {
             let regression = regressions[tile].as_mut().expect("it has predicted");
             regression.learn(&seen.terms, sum, &home);
             if k == 0 {
@@ -255,7 +269,11 @@ impl Seen {
     }
 
     fn expect(&self, prediction: i64) -> Expected {
-        Expected { prediction, size: self.error, context: self.faces * 32 + level(self.error) }
+        Expected {
+            prediction,
+            size: self.error,
+            context: (self.faces + 7 * usize::from(!self.is_inside)) * 32 + level(self.error),
+        }
     }
 
     /// Returns the mean of predictions, weighted by the cubes of the inverses of their errors nearby.

@@ -11,6 +11,7 @@ use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::place::place;
 use engine::output::write_atomic;
+use engine::render::decode;
 use engine::splat::Form;
 use engine::volume::{BetweenSlices, nifti};
 use serde::Serialize;
@@ -148,19 +149,31 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
     let waiting = Waiting::on("measuring the splats");
     let fitted = || evaluate::between_slices_of(&set, &case.volume);
     let between = arguments.between_slices.unwrap_or_else(fitted);
-    let of_field =
-        evaluate::with_slices(&case.volume, &case.roi, between, &protocol, |volume, roi, protocol| {
-            let splats = set.to_voxel(&volume.world_from_voxel);
-            evaluate::evaluate(&gpu, &splats, &set.field, volume, roi, protocol)
-        })?;
     let of_decoded =
         evaluate::with_slices(&case.volume, &case.roi, between, &protocol, |volume, roi, protocol| {
             evaluate_decoded(&gpu, &set, volume, roi, protocol)
         })?;
+    // What is coded has no field beside the one that is shown.
+    let is_coded = !set.voxels.is_empty();
+    let of_field = match is_coded {
+        true => of_decoded.clone(),
+        false => {
+            evaluate::with_slices(&case.volume, &case.roi, between, &protocol, |volume, roi, protocol| {
+                let splats = set.to_voxel(&volume.world_from_voxel);
+                evaluate::evaluate(&gpu, &splats, &set.field, volume, roi, protocol)
+            })?
+        }
+    };
     let of_grid = set.form != Form::Field;
     // The evaluation of what is shown comes first.
     let evaluation = if of_grid { &of_decoded } else { &of_field };
-    let map = ErrorMap::new(&gpu, &splats, &set.field, &case.volume, &case.roi)?;
+    let map = match is_coded {
+        true => {
+            let decoded = decode(&gpu, &set, 1.0)?;
+            ErrorMap::of_field(decoded.in_voxels_of(&case.volume, set.origin_mm), &case.volume, &case.roi)
+        }
+        false => ErrorMap::new(&gpu, &splats, &set.field, &case.volume, &case.roi)?,
+    };
     let errors = ErrorsByPlace::of(&map, &case.volume, labels.as_ref());
 
     drop(waiting);
@@ -204,13 +217,19 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
         })?;
     } else {
         let shown = quality_text(evaluation);
-        let head = format!("{} splats in {} voxels\n{shown}", splats.len(), case.roi.voxel_count());
+        let head = match is_coded {
+            true => format!("{} coded voxels\n{shown}", set.coded_count()),
+            false => format!("{} splats in {} voxels\n{shown}", splats.len(), case.roi.voxel_count()),
+        };
         let of = range_of(arguments.range).1;
         let field = ("as modes slab and exact show the splats", &of_field);
         let decoded = ("as mode decoded shows them: on the scan's grid, interpolated", &of_decoded);
         let tables = if of_grid { [decoded, field] } else { [field, decoded] };
-        let quality: String =
-            tables.iter().map(|(what, found)| format!("{what}:\n{}", quality_table(found, of))).collect();
+        let quality: String = tables
+            .iter()
+            .take(if is_coded { 1 } else { 2 })
+            .map(|(what, found)| format!("{what}:\n{}", quality_table(found, of)))
+            .collect();
         console.data(&(head + &quality + &errors.table(&case.volume)))?;
     }
     Ok(0)

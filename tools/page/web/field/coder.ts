@@ -38,18 +38,37 @@ export class Decoder {
     }
 
     /** Reads a bit whose model is at `node` of `tree`. */
-    bit({ zero, seen }: Tree, node: number): number {
-        const p = zero[node], n = seen[node];
-        const bound = Math.imul(this.range >>> 15, Math.min(Math.max(p >> 1, 32), 32768 - 32)) >>> 0;
-        const bit = this.code >= bound ? 1 : 0;
+    bit(tree: Tree, node: number): number {
+        const p = Math.min(Math.max(tree.zero[node] >> 1, 32), 32768 - 32);
+        return this.learned(tree, node, Math.imul(this.range >>> 15, p) >>> 0);
+    }
+
+    /** The same, where neither a 0 nor a 1 is less probable than `least` in 65536. */
+    decision(tree: Tree, node: number, least: number): number {
+        const p = Math.min(Math.max(tree.zero[node], least), 65536 - least);
+        return this.learned(tree, node, Math.imul(this.range >>> 16, p) >>> 0);
+    }
+
+    /** Reads a bit of which nothing is known, as those of decisions. */
+    coin(): number {
+        return this.divided((this.range >>> 16) * 32768);
+    }
+
+    /** Reads a bit, `bound` being the part of the range that a 0 has, and learns it. */
+    private learned({ zero, seen }: Tree, node: number, bound: number): number {
+        const p = zero[node], n = seen[node], bit = this.divided(bound);
         seen[node] = n < MEMORY ? n + 1 : n;
+        zero[node] = bit ? p - ((2 * p / (2 * n + 3)) | 0) : p + ((2 * (65535 - p) / (2 * n + 3)) | 0);
+        return bit;
+    }
+
+    private divided(bound: number): number {
+        const bit = this.code >= bound ? 1 : 0;
         if (bit) {
             this.code = (this.code - bound) >>> 0;
             this.range = (this.range - bound) >>> 0;
-            zero[node] = p - ((2 * p / (2 * n + 3)) | 0);
         } else {
             this.range = bound;
-            zero[node] = p + ((2 * (65535 - p) / (2 * n + 3)) | 0);
         }
         while (this.range < TOP) {
             this.range = (this.range << 8) >>> 0;

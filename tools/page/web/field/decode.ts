@@ -8,8 +8,8 @@ import { joined } from './region.ts';
 import type { Region } from './region.ts';
 import { decodeRegion } from './shown.ts';
 import {
-    FAR, LEAST_WEIGHT, ROW, Strip, binned, boxAround, confine, footprintsOf, limit, numbersOf, placeIn,
-    slotsOf,
+    FAR, LEAST_WEIGHT, ROW, Strip, binned, boxAround, confine, footprintsOf, lead, limit, numbersOf,
+    placeIn, slotsOf,
 } from './sums.ts';
 import type { Numbered } from './sums.ts';
 import type { Grid, SplatSet } from './vgs.ts';
@@ -22,6 +22,10 @@ function discord(a: SplatSet, b: SplatSet): string | null {
     if (luminances[0] !== luminances[1]) return 'one has luminances, the other intensities';
     if (!sameGrid) return 'they were fitted for the voxels of different grids';
     if ((a.form === 'grid') !== (b.form === 'grid')) return 'only one was fitted to a mask that is soft';
+    const isJoined = ({ voxels, count }: SplatSet): boolean => voxels.length + (count > 0 ? 1 : 0) > 1;
+    if (a.voxels.length + b.voxels.length > 0 && (isJoined(a) || isJoined(b))) return 'one is joined itself';
+    // What is coded has no field of its own.
+    if (a.count === 0 || b.count === 0) return null;
     if (a.kernel !== b.kernel) return `the kernel of one is ${a.kernel}, that of the other ${b.kernel}`;
     if (a.epsilon !== b.epsilon) return `ε of one is ${a.epsilon}, that of the other ${b.epsilon}`;
     const [w, other] = [a.occupancyW0, b.occupancyW0];
@@ -34,7 +38,7 @@ function check(parts: Numbered[]): Grid {
             throw new Refusal('The splats were fitted for the field between the voxels too, which a page ' +
                 'shows as voxels. Make the page again with the program.');
         }
-        const why = discord(parts[0].set, set);
+        const why = discord(lead(parts), set);
         if (why) throw new Refusal(`The sets of splats cannot be one scene: ${why}. ${GET_AGAIN}`);
     }
     return parts[0].set.grid!;
@@ -50,7 +54,9 @@ export function decodeSplats(parts: Numbered[], progress: Progress): Field {
             ({ number: numberOf[number], fit: several ? i : fit }));
         return { ...region, objects };
     });
-    return decodeRegion(parts, joined(regions), grid, background, progress);
+    const coded = parts.flatMap(({ set }, i) =>
+        set.voxels.map((values) => (several ? { ...values, fit: i } : values)));
+    return decodeRegion(parts, joined(regions), coded, grid, background, progress);
 }
 
 /**
@@ -205,7 +211,7 @@ function occupied(set: SplatSet): Region {
 /** The mean of the backgrounds of all splats. */
 function meanBackground(parts: Numbered[]): number {
     const first = parts[0].set.background;
-    if (parts.every(({ set }) => set.background === first)) return first;
     const count = parts.reduce((sum, { set }) => sum + set.count, 0);
+    if (count === 0 || parts.every(({ set }) => set.background === first)) return first;
     return Math.fround(parts.reduce((sum, { set }) => sum + set.background * set.count, 0) / count);
 }

@@ -1,5 +1,5 @@
-// Splats with a region: what is shown are its voxels, with smooth edges; the splats say what V is in them
-// (engine/render/src/decoded/region.rs).
+// Splats with a region: what is shown are its voxels, with smooth edges; the splats, or coded voxels in their place, say what
+// V is in them (engine/render/src/decoded/region.rs).
 import type { Vec3 } from '../types.ts';
 import { extend } from './beyond.ts';
 import { Around, bricksNear } from './bricks.ts';
@@ -8,8 +8,10 @@ import { MOST_BRICKS, ROWS, SAMPLES, WHOLE, bricksOf } from './field.ts';
 import type { Field, Progress } from './field.ts';
 import { tooLarge } from './refusal.ts';
 import type { Region } from './region.ts';
-import { LEAST_WEIGHT, ROW, Strip, binned, confine, footprintsOf, limit, placeIn } from './sums.ts';
+import { LEAST_WEIGHT, ROW, Strip, binned, confine, footprintsOf, lead, limit, placeIn } from './sums.ts';
 import type { Numbered } from './sums.ts';
+import { valueAt } from './values.ts';
+import type { Values } from './values.ts';
 import type { Grid } from './vgs.ts';
 
 /** Voxels beyond the region whose V interpolation needs where O is not 0. */
@@ -67,11 +69,11 @@ function shownOf({ first, size: extent, kinds }: Region): Shown {
     return { low, size, bricks, slots, kinds: own, inside };
 }
 
-/** Decodes sets that have this region together. */
+/** Decodes sets that have this region together; `coded` is what they have in place of splats. */
 export function decodeRegion(
-    parts: Numbered[], region: Region, grid: Grid, background: number, progress: Progress,
+    parts: Numbered[], region: Region, coded: Values[], grid: Grid, background: number, progress: Progress,
 ): Field {
-    const { kernel, epsilon } = parts[0].set, { objects } = region;
+    const { kernel, epsilon } = lead(parts), { objects } = region;
     const prints = footprintsOf(parts, grid, background), { rows, boxes, numbers } = prints;
     const shown = shownOf(region), { low, size, bricks, slots, kinds, inside } = shown;
     confine(prints, low, size);
@@ -85,14 +87,17 @@ export function decodeRegion(
     objects.forEach(({ number, fit }, i) => {
         if (counts[i + 1] > 0 && !fitOf.has(number)) fitOf.set(number, fit);
     });
-    const strip = new Strip(bricks[0] * 8, [low[0] - 1, 0, 0]), { weights, sums, width } = strip;
+    // Voxel of the grid at the first place of the first brick.
+    const away = low.map((v) => v - 1);
+    const strip = new Strip(bricks[0] * 8, [away[0], 0, 0]), { weights, sums, width } = strip;
     const around = new Around(shown), near = new Uint8Array(ROWS);
     const fits = [...new Set(objects.map(({ fit }) => fit))].sort((a, b) => a - b);
     fits.forEach((fit, turn) => {
         const isOwn = [false, ...objects.map((object) => object.fit === fit)];
         const own = new Uint8Array(inside.length);
         for (let i = 0; i < kinds.length; i++) if (isOwn[kinds[i]]) own[i >> 3] |= 1 << (i & 7);
-        const order = prints.order.filter((i) => (fitOf.get(numbers[i]) ?? fit) === fit);
+        const given = coded.find((values) => values.fit === fit);
+        const order = prints.order.filter((i) => !given && (fitOf.get(numbers[i]) ?? fit) === fit);
         const { starts, pairs } = binned(prints, order, low, size);
         /** Takes V where it is that of this fit, and in the rim around. */
         const take = (x: number, y: number, z: number, slot: number): void => {
@@ -102,8 +107,12 @@ export function decodeRegion(
                 const row = slot * ROWS + j, rim = near[j] & ~inside[row], wanted = rim | own[row];
                 for (let i = 0; wanted >> i > 0; i++) {
                     const at = j * width + x * 8 + i, to = row * 8 + i, weight = weights[at];
-                    if (!((wanted >> i) & 1) || weight < LEAST_WEIGHT || !Number.isNaN(values[to])) continue;
-                    values[to] = background + sums[at] / (weight + epsilon);
+                    if (!((wanted >> i) & 1) || !Number.isNaN(values[to])) continue;
+                    const value = given
+                        ? valueAt(given, x * 8 + i + away[0], y * 8 + (j & 7) + away[1], z * 8 + (j >> 3) + away[2])
+                        : weight < LEAST_WEIGHT ? NaN : background + sums[at] / (weight + epsilon);
+                    if (Number.isNaN(value)) continue;
+                    values[to] = value;
                     known[to] = kinds[to];
                 }
             }
@@ -111,8 +120,8 @@ export function decodeRegion(
         for (let row = 0; row < starts.length - 1; row++) {
             const y = row % bricks[1], z = Math.floor(row / bricks[1]);
             if (row % 16 === 0) progress('decoding', (turn + row / (starts.length - 1)) / fits.length);
-            if (starts[row] === starts[row + 1]) continue;
-            strip.move(y * 8 + low[1] - 1, z * 8 + low[2] - 1);
+            if (!given && starts[row] === starts[row + 1]) continue;
+            strip.move(y * 8 + away[1], z * 8 + away[2]);
             for (let p = starts[row]; p < starts[row + 1]; p++) {
                 strip.add(kernel, rows, pairs[p] * ROW, boxes, pairs[p] * 6);
             }
@@ -124,7 +133,7 @@ export function decodeRegion(
             sums.fill(0);
         }
     });
-    // Splats say what V is in the rim, so what is farther out continues it.
+    // What V is in the rim is known, so what is farther out continues it.
     for (const layers of [1, LAYERS - 1]) extend({ bricks, slots, values }, known, layers);
     const label = objects[0]?.number ?? 0;
     const labels = objects.length > 1 ? new Uint8Array(kinds.length).fill(label) : null;

@@ -98,6 +98,11 @@ function reshaped(l: number[], C: number[]): number[] {
     return made;
 }
 
+/** The set whose kernel, ε and w₀ are those of the field: the first that has splats, if any has. */
+export function lead(parts: Numbered[]): SplatSet {
+    return (parts.find(({ set }) => set.count > 0) ?? parts[0]).set;
+}
+
 /** The number of the object of each label of a set. One of `several` has no other labels. */
 export function numbersOf({ numbers }: Numbered, several: boolean): Uint8Array {
     const numberOf = Uint8Array.from({ length: 256 }, (_, label) => (several ? 0 : label));
@@ -110,7 +115,7 @@ export function footprintsOf(parts: Numbered[], grid: Grid, background: number):
     const total = parts.reduce((sum, { set }) => sum + set.count, 0);
     const rows = new Float64Array(total * ROW), boxes = new Int32Array(total * 6);
     const numbers = new Uint8Array(total);
-    const { kernel } = parts[0].set, root = Math.sqrt(SUPPORTS[kernel]);
+    const { kernel } = lead(parts), root = Math.sqrt(SUPPORTS[kernel]);
     const reach = kernel === 'gated' ? GATED_REACH : Infinity, margin = kernel === 'gated' ? 1e-3 : 0;
     let row = 0;
     for (const part of parts) {

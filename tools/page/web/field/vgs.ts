@@ -5,6 +5,8 @@ import { Decoder, Places, Tree, bitsOf } from './coder.ts';
 import { GET_AGAIN, Refusal } from './refusal.ts';
 import { readRegion } from './region.ts';
 import type { Region } from './region.ts';
+import { readValues } from './values.ts';
+import type { Values } from './values.ts';
 
 export type Kernel = 'compact' | 'gaussian' | 'density' | 'gated';
 /**
@@ -21,7 +23,7 @@ export interface Grid {
     affine: number[];
 }
 
-/** Splats as a file has them. */
+/** Splats as a file has them, or what it has in their place. */
 export interface SplatSet {
     kernel: Kernel;
     background: number;
@@ -44,6 +46,8 @@ export interface SplatSet {
     labelNames: [number, string][];
     /** The voxels that are shown; null if the splats tell, by their occupancy. */
     region: Region | null;
+    /** V of the region's voxels, for the fits of its objects that have it in place of splats. */
+    voxels: Values[];
     /**
      * Of 'grid-binary', x, y, z of each voxel that is on the other side than the occupancy says, and 1 if it
      * is inside, else 0.
@@ -65,6 +69,8 @@ const COLUMNS = 9;
 const CODE_LIMIT = 1 << 26;
 /** Bits of a column that have models. */
 const MODELLED_BITS = 12;
+/** The bound of coded voxels is below this. */
+const LARGEST_BOUND = 1 << 24;
 /** Greatest |ln| of an entry on the diagonal of C. */
 const LOG_LIMIT = 42;
 /** Greatest number of steps of a coordinate in a cell. */
@@ -92,6 +98,15 @@ interface Cells {
     side_log2: number;
 }
 
+/** What is stated of the coded voxels of a fit: the intensity of a code of 1, and the greatest error of a code. */
+interface Coded {
+    fit: number;
+    step: number;
+    bound: number;
+    whole: boolean;
+    slabs: Part[];
+}
+
 interface Header {
     kernel: Kernel;
     background: number;
@@ -107,6 +122,7 @@ interface Header {
     cells: Cells;
     ranges: [number, number][];
     region?: Part | null;
+    voxels?: Coded[];
     layers: Part[];
     exceptions?: Part | null;
 }
@@ -139,6 +155,7 @@ const isObject = (fields: Record<string, Check>): Check => (value) =>
 
 const isPart = isObject({ count: isU64, bytes: isU64, crc32: isU32 });
 const isAffine = isList(isNumber, 12);
+const isCoded = isObject({ fit: isU8, step: isNumber, bound: isU32, whole: isFlag, slabs: isList(isPart) });
 const isHeader = isObject({
     program: isText,
     note: isText,
@@ -158,6 +175,7 @@ const isHeader = isObject({
     cells: isObject({ first: isList(isWhole(-(2 ** 63), 2 ** 63), 3), side_log2: isI32 }),
     ranges: isList(isPair(isI32, isI32), COLUMNS),
     region: either(isNone, isPart),
+    voxels: either((value) => value === undefined, isList(isCoded)),
     layers: isList(isPart),
     exceptions: either(isNone, isPart),
 });
@@ -183,12 +201,14 @@ function isLabelName(name: string): boolean {
 /** Whether a set can have what a header states. */
 function isSound(header: Header): boolean {
     const { kernel, form, intensity, affine, grid, epsilon, occupancy_w0: w0, background, region } = header;
-    const names = header.label_names;
+    const names = header.label_names, { voxels = [] } = header;
     const invertible = (rows: number[]): boolean => inverse(rows).every(Number.isFinite);
     return KERNELS.includes(kernel) && FORMS.includes(form) && UNITS.includes(intensity) &&
         invertible(affine) && affine.every((v) => Math.abs(v) < 1e12) &&
         (!grid || (invertible(grid.affine) && grid.size.every((n) => n > 0))) &&
-        (form === 'region') === !!region && (!region || !!grid) &&
+        (form === 'region') === !!region && (!region || !!grid) && (voxels.length === 0 || !!region) &&
+        voxels.every(({ fit, step, bound, whole }, i) => (i === 0 || fit > voxels[i - 1].fit) &&
+            bound < LARGEST_BOUND && step >= 1e-30 && step < 1e30 && (!whole || step === 1)) &&
         [background, epsilon, w0].every((v) => Number.isFinite(Math.fround(v))) &&
         epsilon >= 0 && Math.fround(w0) > 0 &&
         names.every(([label, name], i) => label > (i > 0 ? names[i - 1][0] : 0) && isLabelName(name));
@@ -417,7 +437,7 @@ function exceptionsOf(bytes: Uint8Array, count: number, { size }: Grid): Uint16A
 /** Reads a file; one that ends early as far as its layers are whole. */
 export function readVgs(bytes: Uint8Array): SplatSet {
     const { header, end } = headerOf(bytes);
-    const { layers, exceptions, grid = null } = header, regionPart = header.region;
+    const { layers, exceptions, grid = null, voxels: coded = [] } = header, regionPart = header.region;
     const declared = layers.reduce((sum, part) => sum + part.count, 0);
     if (declared > MOST_SPLATS) throw damaged(`${declared} splats are more than ${MOST_SPLATS}`);
     if ([...layers, exceptions].some((part) => part && part.count > part.bytes * MOST_A_BYTE)) {
@@ -439,6 +459,16 @@ export function readVgs(bytes: Uint8Array): SplatSet {
         if (bytes && crc32(bytes) === regionPart.crc32) region = readRegion(bytes, grid!.size);
         if (!region) throw damaged('their region is not as it was written');
     }
+    const voxels = coded.map(({ fit, step, bound, slabs }) => {
+        const parts = slabs.map((part) => {
+            const slab = take(part);
+            return slab && crc32(slab) === part.crc32 ? slab : null;
+        });
+        const whole = parts.every((slab) => slab !== null);
+        const read = whole && readValues(parts, region!, grid!.size, fit, step, bound);
+        if (!read) throw damaged('their coded voxels are not as they were written');
+        return read;
+    });
     layers.forEach((part, i) => {
         const layer = take(part);
         if (!layer) missing += part.count;
@@ -453,7 +483,7 @@ export function readVgs(bytes: Uint8Array): SplatSet {
         excepted = sound ? exceptionsOf(last, exceptions.count, grid) : null;
         if (!excepted) throw damaged('their exceptions are not as they were written');
     }
-    if (rows.count === 0) {
+    if (rows.count === 0 && (missing > 0 || voxels.length === 0)) {
         const early = `they end early, and ${missing} of ${declared} are missing`;
         throw damaged(missing > 0 ? early : 'there are none');
     }
@@ -475,6 +505,7 @@ export function readVgs(bytes: Uint8Array): SplatSet {
         labels: header.labels ? rows.labels.subarray(0, count) : null,
         labelNames: header.label_names,
         region,
+        voxels,
         exceptions: excepted,
         missing,
     };

@@ -4,13 +4,13 @@ use std::path::PathBuf;
 use std::time::Instant;
 
 use clap::Args;
-use engine::splat::Region;
-use engine::splat::vgs::values::{self, Shape};
+use engine::coded::coded;
+use engine::splat::{self, vgs};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
-/// Bytes, errors and times of a volume's region in the near-lossless coder, as a line of JSON for each bound.
+/// Bytes, errors and times of a volume's region as `vgs convert` codes it, as a line of JSON for each bound.
 #[derive(Args)]
 pub struct CodeArguments {
     /// The volume; its intensities are rounded to whole numbers and clamped to -1024 to 3071.
@@ -28,48 +28,51 @@ struct Coded {
     bound: u32,
     voxels: usize,
     region_bytes: usize,
+    /// The rest of the file.
     value_bytes: usize,
     rmse: f64,
-    greatest_error: i32,
+    greatest_error: f64,
     encoding_s: f64,
     decoding_s: f64,
 }
 
 /// Codes the region with each bound, and prints what that takes.
 pub fn run(arguments: &CodeArguments) -> Result<()> {
-    let volume = Volume::read(&arguments.volume, &ReadOptions::default())?;
-    let inside: Vec<bool> = match &arguments.roi {
+    let mut volume = Volume::read(&arguments.volume, &ReadOptions::default())?;
+    volume.samples.iter_mut().for_each(|v| *v = v.clamp(-1024.0, 3071.0).round());
+    let roi = match &arguments.roi {
         Some(path) => {
             let mask = Volume::read(path, &ReadOptions::default())?;
-            let roi = Roi::from_mask(&mask, &LabelChoice::Whole, &volume)?;
-            roi.weight.iter().map(|&weight| weight > 0.5).collect()
+            Roi::from_mask(&mask, &LabelChoice::Whole, &volume)?
         }
-        None => vec![true; volume.len()],
+        None => Roi::new(vec![1.0; volume.len()], &volume)?,
     };
     let broken = || Error::new(Kind::Internal, "VGS-BEN-063", "what was coded is not what is read");
-    let region = Region::of(volume.size, |i| inside[i].then_some(0)).ok_or_else(broken)?;
-    let [first, end] = region.bounds();
-    let size = [0, 1, 2].map(|k| (end[k] - first[k]) as usize);
-    let shape = Shape { size, numbers: region.kinds() };
-    let within = (0..volume.len()).filter(|&i| inside[i]);
-    let codes: Vec<i32> = within.map(|i| volume.samples[i].clamp(-1024.0, 3071.0).round() as i32).collect();
-    let region_bytes = region.encode().len();
     for &bound in &arguments.bounds {
         let begin = Instant::now();
-        let slabs = values::encode(&codes, shape, bound);
+        let set = coded(&volume, &roi, None, f64::from(bound))?;
+        let file = vgs::encode(&set)?;
         let encoding_s = begin.elapsed().as_secs_f64();
         let begin = Instant::now();
-        let found = values::decode(&slabs, shape, bound).ok_or_else(broken)?;
+        let (read, _) = vgs::decode(&file, &splat::ReadOptions::default())?;
         let decoding_s = begin.elapsed().as_secs_f64();
-        let errors = || found.iter().zip(&codes).map(|(a, b)| (a - b).abs());
-        let squares: f64 = errors().map(|error| f64::from(error).powi(2)).sum();
+        let (Some(region), Some(voxels)) = (&read.region, read.voxels.first()) else { return Err(broken()) };
+        let (mut squares, mut greatest_error, mut count) = (0.0, 0.0f64, 0);
+        for (voxel, _) in region.voxels() {
+            let [x, y, z] = voxel.map(|at| at as usize);
+            let found = voxels.at(voxel.map(i64::from)).ok_or_else(broken)?;
+            let error = (found - f64::from(volume.samples[volume.index(x, y, z)])).abs();
+            (squares, greatest_error, count) =
+                (squares + error * error, greatest_error.max(error), count + 1);
+        }
+        let region_bytes = region.encode().len();
         let coded = Coded {
             bound,
-            voxels: codes.len(),
+            voxels: count,
             region_bytes,
-            value_bytes: slabs.iter().map(Vec::len).sum(),
-            rmse: (squares / codes.len() as f64).sqrt(),
-            greatest_error: errors().max().unwrap_or(0),
+            value_bytes: file.len() - region_bytes,
+            rmse: (squares / count.max(1) as f64).sqrt(),
+            greatest_error,
             encoding_s,
             decoding_s,
         };

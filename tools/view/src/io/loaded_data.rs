@@ -130,7 +130,7 @@ impl LoadedData {
     /// Returns splats and volume whose error can be measured: those of files, with intensities.
     fn comparable(&self) -> Option<(&Arc<LoadedSplats>, &Arc<LoadedVolume>)> {
         let splats = self.splats.as_ref().filter(|splats| {
-            self.fitted.is_none() && splats.set.colours.is_none() && !splats.set.splats.is_empty()
+            self.fitted.is_none() && splats.set.colours.is_none() && !splats.set.is_empty()
         })?;
         Some((splats, self.volume.as_ref()?))
     }
@@ -202,7 +202,7 @@ impl LoadedData {
             Subject::Beside => self.beside.as_ref(),
             Subject::Volume => None,
         };
-        splats.map(|splats| &splats.set).filter(|set| !set.splats.is_empty())
+        splats.map(|splats| &splats.set).filter(|set| !set.is_empty())
     }
 
     /// Returns the only mode that shows the splats beside the others; `None` if every mode does.

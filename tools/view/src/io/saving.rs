@@ -19,7 +19,10 @@ pub struct Ready {
 
 /// Returns the splats of `set` that a look shows: without hidden objects and what its clip planes cut away.
 pub fn shown(set: &SplatSet, look: &Look) -> SplatSet {
-    set.of_rows(&look.shown(set))
+    match set.voxels.is_empty() {
+        true => set.of_rows(&look.shown(set)),
+        false => set.part(|number, at| look.shows(number, at)),
+    }
 }
 
 /// Returns the splats that a look shows as a file with this name holds them: with the colours of the look in a format of
@@ -28,6 +31,7 @@ pub fn shown(set: &SplatSet, look: &Look) -> SplatSet {
 /// # Errors
 /// Returns the errors of [`baked`].
 pub fn ready(gpu: &Gpu, set: &SplatSet, look: &Look, path: &Path, coloured: bool) -> Result<Ready> {
+    splat::check_held(path, set)?;
     if coloured || splat::is_coloured(path) && set.colours.is_none() {
         let baked = baked(gpu, set, look)?;
         let both = splat::is_coloured(path) && splat::is_physical(path);

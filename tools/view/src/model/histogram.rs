@@ -16,16 +16,19 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Counts splats. Each counts by its weight a integrated over space, which is in proportion to opacity ×
+    /// Counts splats and coded voxels. A splat counts by its weight a integrated over space, which is in proportion to opacity ×
     /// volume. Returns `None` for splats without an intensity.
     pub fn of_splats(set: &SplatSet) -> Option<Self> {
-        let values = || set.splats.iter().map(|s| f64::from(s.intensity));
+        let voxel = set.grid.map_or(0.0, |grid| grid.world_from_voxel.matrix3.determinant().abs());
+        let coded = || set.coded().map(|(_, v)| v);
+        let values = || set.splats.iter().map(|s| f64::from(s.intensity)).chain(coded());
         let rows = set.splats.iter().map(|splat| {
             let log_scale = splat.log_scale.map(f64::from);
             let volume = log_scale.iter().sum::<f64>().exp();
             let weight = f64::from(splat.opacity()) * set.field.kernel.peak(log_scale) * volume;
             (f64::from(splat.intensity), weight)
         });
+        let rows = rows.chain(coded().map(|v| (v, voxel)));
         if set.unit.is_physical() { Histogram::of(range_of(values())?, rows) } else { None }
     }
 

@@ -48,7 +48,7 @@ pub struct PanelInfo<'a> {
     pub unit: &'a str,
     /// True if the orientation of the patient is known.
     pub oriented: bool,
-    /// Number of splats; `None` without splats.
+    /// Number of splats, coded voxels included; `None` without any.
     pub splats: Option<usize>,
     /// Kind of the splats; `None` without splats.
     pub kind: Option<SplatKind>,

@@ -459,7 +459,7 @@ impl Viewer {
             range: *range,
             unit: data.unit().text(),
             oriented: data.oriented(),
-            splats: data.shown_splats().map(|splats| splats.set.splats.len()),
+            splats: data.shown_splats().map(|splats| splats.set.count()),
             kind: data.set(Subject::Splats).map(SplatKind::of),
             has_region: data.set(Subject::Splats).is_some_and(|set| set.region.is_some()),
             sigma_mm: canvas.splats_of(Subject::Splats).map(|splats| splats.sigma_mm),

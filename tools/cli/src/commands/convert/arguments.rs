@@ -14,16 +14,19 @@ use crate::shared::inputs::ReadArguments;
 use crate::shared::splat_files::layout;
 use crate::shared::viewing::{Background, View, degrees, zoom};
 
+/// The flags that name a region.
+const REGION: &str = "Coding a region, or fitting again";
 /// Endings of pages.
 const PAGES: [&str; 2] = ["html", "htm"];
 
-/// Writes splats in another format; the extension of the output names it
+/// Writes splats in another format, or codes the region of a volume within a bound; the extension of the output names
+/// the format
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct ConvertArguments {
     /// The splats, for a page (.html) also several files, which it shows together; or a session of `vgs view` (.toml):
-    /// what it shows of its splats, as it shows it
-    #[arg(required = true, value_name = "SPLATS|SESSION")]
+    /// what it shows of its splats, as it shows it; or a volume, whose region is coded without splats (.vgs)
+    #[arg(required = true, value_name = "SPLATS|SESSION|VOLUME")]
     pub splats: Vec<PathBuf>,
     /// The splats as vgs wrote them, where SPLATS are what another program has made of these without the
     /// comments of vgs: kernel, background, grid and names of labels are taken from there
@@ -72,16 +75,20 @@ pub struct ConvertArguments {
     #[arg(long, value_name = "VOLUME", requires = "region", help_heading = "Fitting again",
           conflicts_with_all = ["inside", "outside_box", "object", "tf", "clip"])]
     pub volume: Option<PathBuf>,
-    /// The mask of their fit
-    #[arg(long, value_name = "MASK", requires = "volume", group = "region", help_heading = "Fitting again")]
+    /// The mask of their fit, or of what is coded of a volume
+    #[arg(long, value_name = "MASK", group = "region", help_heading = REGION)]
     pub roi: Option<PathBuf>,
     /// Instead of a mask: the voxels from LOW to HIGH, HU
-    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true, requires = "volume",
-          group = "region", help_heading = "Fitting again")]
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true, group = "region",
+          help_heading = REGION)]
     pub roi_threshold: Option<[f32; 2]>,
     /// Which labels of the mask, by number or name
-    #[arg(long, value_name = "N|NAME|...", requires = "roi", help_heading = "Fitting again")]
+    #[arg(long, value_name = "N|NAME|...", requires = "roi", help_heading = REGION)]
     pub roi_label: Option<String>,
+    /// How far a voxel of the region may be off, in the unit of the volume; 0 keeps whole numbers as they are [default:
+    /// 30 HU; without HU 1 % of the range of the region]
+    #[arg(long, value_name = "HU", allow_negative_numbers = true, help_heading = REGION)]
+    pub bound: Option<f64>,
     #[command(flatten)]
     pub page: PageArguments,
     #[command(flatten)]
@@ -119,6 +126,18 @@ impl ConvertArguments {
             return Err(Error::new(Kind::Usage, "VGS-CLI-160", message)
                 .file(other)
                 .help("convert each file to a .vgs first"));
+        }
+        if self.volume.is_none() && (self.roi.is_some() || self.roi_threshold.is_some()) {
+            let message = "a region, and these are splats, which are fitted again only with their volume";
+            return Err(Error::new(Kind::Usage, "VGS-CLI-164", message)
+                .file(self.first())
+                .help("add --volume, leave the region out, or give a volume in place of the splats"));
+        }
+        if self.bound.is_some() {
+            let message = "--bound is for the voxels of a volume, and these are splats";
+            return Err(Error::new(Kind::Usage, "VGS-CLI-165", message).file(self.first()).help(
+                "leave it out, or give the volume and its mask: vgs convert ct.nii.gz --roi bones.nii.gz",
+            ));
         }
         if self.writes_page() {
             return Ok(());
@@ -205,7 +224,9 @@ Examples:
   vgs convert bones.vgs -o bones.html                    a page, which any browser opens
   vgs convert bones.vgs vessels.vgs -o both.html --title \"Hip, before\" --camera left
   vgs convert edited.ply --like bones.ply -o edited-bones.ply
-  vgs convert bones.ply -o bones.vgs --volume ct.nii.gz --roi bones.nii.gz      a fifth smaller";
+  vgs convert bones.ply -o bones.vgs --volume ct.nii.gz --roi bones.nii.gz      a fifth smaller
+  vgs convert ct.nii.gz --roi bones.nii.gz -o bones.vgs              no splats: each voxel within 30 HU
+  vgs convert ct.nii.gz --roi bones.nii.gz -o bones.vgs --bound 0    as it is";
 
 /// A value of `--object`: a choice of objects, or how they are shown.
 #[derive(Clone, Debug)]

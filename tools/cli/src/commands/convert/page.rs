@@ -40,11 +40,11 @@ pub fn write(
         None => of_files(arguments)?,
     };
     let Scene { mut splats, look, viewpoint, background } = scene;
-    let whole = splats.set.splats.len();
+    let whole = splats.set.count();
     let mut device = || arguments.device.boot();
     if let Some(selection) = Selection::of(arguments, &splats.set.objects())? {
         splats = splats.selected(&|number, mean| selection.has(number, mean));
-        if splats.set.splats.is_empty() {
+        if splats.set.is_empty() {
             return Err(nothing(arguments, whole).into());
         }
     }
@@ -61,7 +61,8 @@ pub fn write(
     };
     let page = Page::new(content, &splats.set, &shown)?;
     let sizes = page.write(&arguments.output, arguments.force)?;
-    tell(arguments, console, &page, &sizes, [splats.set.splats.len(), whole])?;
+    let is_of_splats = !splats.set.splats.is_empty();
+    tell(arguments, console, &page, &sizes, ([splats.set.count(), whole], is_of_splats))?;
     Ok(0)
 }
 
@@ -142,7 +143,7 @@ fn tell(
     console: &Console,
     page: &Page,
     sizes: &Sizes,
-    [count, whole]: [usize; 2],
+    ([count, whole], is_of_splats): ([usize; 2], bool),
 ) -> engine::Result<()> {
     let output = &arguments.output;
     let scene = &page.scene;
@@ -161,13 +162,15 @@ fn tell(
     if whole > count {
         console.say(&format!("{} of {whole} splats are not selected, and not in the page", whole - count));
     }
+    let as_voxels = scene.parts.iter().all(|part| part.kind == page::PartKind::Voxels);
     console.say(&format!(
-        "{}: {}, of it {} of program and {} of data ({count} splats{})",
+        "{}: {}, of it {} of program and {} of data ({count} {}{})",
         output.display(),
         bytes(sizes.page),
         bytes(sizes.program),
         bytes(sizes.data),
-        if scene.parts.iter().all(|part| part.kind == page::PartKind::Voxels) { " as voxels" } else { "" },
+        if is_of_splats { "splats" } else { "voxels" },
+        if is_of_splats && as_voxels { " as voxels" } else { "" },
     ));
     let names: Vec<_> = scene.objects.iter().map(|object| object.name.as_str()).collect();
     let named = match names.len() {

@@ -11,6 +11,7 @@ use view::model::state::{ViewState, is_session};
 
 use super::again::{fitted_again, given_back};
 use super::arguments::{ConvertArguments, ObjectFlag};
+use super::coded::{self, is_of_volume};
 use super::page;
 use super::selection::selected;
 use crate::shared::console::Console;
@@ -38,6 +39,9 @@ struct Report {
 /// Runs the command.
 pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> {
     let (splats, output) = (arguments.first(), &arguments.output);
+    if is_of_volume(splats)? {
+        return coded::run(arguments, console);
+    }
     refuse_volume(splats, output)?;
     arguments.check()?;
     let session = is_session(splats).then(|| arguments.session()).transpose()?;
@@ -55,12 +59,20 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
         Some(state) => arguments.of_session(state, &mut report)?,
         None => {
             let set = splat::read(splats, &ReadOptions::default())?;
-            report.whole = set.splats.len();
+            report.whole = set.count();
             (set, None)
         }
     };
     if let Some(original) = &arguments.like {
         set = given_back(arguments, set, original)?;
+    }
+    splat::check_held(output, &set)?;
+    if !set.voxels.is_empty() && (arguments.tf.is_some() || arguments.volume.is_some()) {
+        let message = "--tf and --volume are for splats, and these are coded voxels";
+        return Err(Error::new(Kind::Usage, "VGS-CLI-170", message)
+            .file(splats)
+            .help("leave them out, or fit splats to the volume: vgs fit")
+            .into());
     }
     set = selected(arguments, set)?;
     let coloured = arguments.tf.is_some() || splat::is_coloured(output) && set.colours.is_none();
@@ -72,7 +84,7 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
         }
         _ => prepared(arguments, &set, &look, coloured)?,
     };
-    report.left_out = report.whole - ready.set.splats.len() - ready.hidden;
+    report.left_out = report.whole - ready.set.count() - ready.hidden;
     let colours = |flag: &ObjectFlag| matches!(flag, ObjectFlag::Shown(change) if change.changes_colour());
     if !coloured && (arguments.object_colours || arguments.object.iter().any(colours)) {
         tracing::warn!(
@@ -96,7 +108,8 @@ fn tell(arguments: &ConvertArguments, console: &Console, report: &Report, ready:
     let Report { whole, left_out, ref transfer_function, of_each, hidden } = *report;
     let size = |path: &Path| std::fs::metadata(path).map_or(0, |found| found.len());
     let (before, after) = (size(splats), size(output));
-    let count = ready.set.splats.len();
+    let count = ready.set.count();
+    let what = if ready.set.splats.is_empty() { "voxels" } else { "splats" };
     // A function that was asked for is not always one that suits.
     if hidden > count {
         tracing::warn!(
@@ -113,7 +126,7 @@ fn tell(arguments: &ConvertArguments, console: &Console, report: &Report, ready:
         return Ok(0);
     }
     if left_out > 0 {
-        console.say(&format!("{left_out} of {whole} splats are not selected"));
+        console.say(&format!("{left_out} of {whole} {what} are not selected"));
     }
     if let Some(name) = transfer_function {
         let hidden = match hidden {
@@ -124,7 +137,7 @@ fn tell(arguments: &ConvertArguments, console: &Console, report: &Report, ready:
         console.say(&format!("colours and opacities are those of {of}{hidden}"));
     }
     console.say(&format!(
-        "{}: {count} splats, {} ({:.1} bytes a splat); it was {}",
+        "{}: {count} {what}, {} ({:.1} bytes each); it was {}",
         output.display(),
         bytes(after),
         after as f64 / count.max(1) as f64,
@@ -151,7 +164,7 @@ impl ConvertArguments {
             return Err(self.without_splats().into());
         }
         let mut loaded = LoadedSplats::join(files)?;
-        report.whole = loaded.set.splats.len();
+        report.whole = loaded.set.count();
         if !state.deleted.is_empty() {
             loaded = loaded.without(&state.deleted);
         }
@@ -170,7 +183,7 @@ fn prepared(
     coloured: bool,
 ) -> Result<Ready, Stop> {
     let (splats, output) = (arguments.first(), &arguments.output);
-    let as_it_is = look.shown(set).len() == set.splats.len();
+    let as_it_is = saving::shown(set, look).count() == set.count();
     let ready = if coloured {
         let gpu = arguments.device.boot()?;
         let _waiting = Waiting::on("finding the colours of the splats");
@@ -178,11 +191,11 @@ fn prepared(
     } else {
         Ready { set: if as_it_is { set.clone() } else { saving::shown(set, look) }, made_of: None, hidden: 0 }
     };
-    if !ready.set.splats.is_empty() {
+    if !ready.set.is_empty() {
         return Ok(ready);
     }
     if ready.hidden == 0 {
-        let message = format!("none of the {} splats is shown", set.splats.len());
+        let message = format!("none of {} splats or voxels is shown", set.count());
         return Err(Error::new(Kind::NothingToDo, "VGS-CLI-136", message)
             .file(splats)
             .help("show an object, or move the clip planes")

@@ -55,7 +55,7 @@ fn holds(corners: Corners, place: DVec3) -> bool {
 
 /// Returns the error of a selection that has none of so many splats.
 pub fn nothing(arguments: &ConvertArguments, count: usize) -> Error {
-    let message = format!("none of the {count} splats is selected");
+    let message = format!("none of {count} splats or voxels is selected");
     let places = splat::describe(arguments.first(), &ReadOptions::default()).ok();
     let help = match places.and_then(|summary| summary.bounding_box_mm) {
         Some([low, high]) => format!("they lie between {low:.1?} and {high:.1?} mm RAS"),
@@ -67,10 +67,9 @@ pub fn nothing(arguments: &ConvertArguments, count: usize) -> Error {
 /// Returns the splats of `set` that the flags select; all if they say nothing.
 pub fn selected(arguments: &ConvertArguments, set: SplatSet) -> Result<SplatSet, Stop> {
     let Some(selection) = Selection::of(arguments, &set.objects())? else { return Ok(set) };
-    let label = |i: usize| set.labels.as_ref().map_or(0, |labels| labels[i]);
-    let part = set.selected(|i, mean| selection.has(label(i), mean));
-    if part.splats.is_empty() {
-        return Err(nothing(arguments, set.splats.len()).into());
+    let part = set.part(|number, mean| selection.has(number, mean));
+    if part.is_empty() {
+        return Err(nothing(arguments, set.count()).into());
     }
     Ok(part)
 }

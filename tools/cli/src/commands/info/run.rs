@@ -414,7 +414,17 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     } else {
         String::new()
     };
-    out.add("splats", format!("{}{dropped}{widened}", s.splats));
+    if let Some(bound) = s.bound {
+        let how = match bound > 0.0 {
+            true => format!("each within {bound}{} of the volume", s.unit.text()),
+            false => "as they are in the volume".to_owned(),
+        };
+        out.add("voxels", format!("coded in place of splats, {how}"));
+    }
+    let has_splats = s.splats > 0 || s.bound.is_none();
+    if has_splats {
+        out.add("splats", format!("{}{dropped}{widened}", s.splats));
+    }
     let meaning = LAYOUTS.iter().find(|(name, _)| *name == s.layout).map_or("", |(_, meaning)| meaning);
     out.add("layout", format!("{}: {meaning}", s.layout));
     if let Some([low, high]) = s.intensity_range {
@@ -432,23 +442,27 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
         out.add("colours", format!("spherical harmonics of degree {degree}"));
     }
     if !s.labels.is_empty() {
-        out.add("labels", joined(&s.labels.iter().map(label_text).collect::<Vec<_>>(), ", "));
+        let texts: Vec<_> = s.labels.iter().map(|count| label_text(count, has_splats)).collect();
+        out.add("labels", joined(&texts, ", "));
     }
     if let Some([low, high]) = s.bounding_box_mm {
         let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
-        out.add("means", format!("({}) to ({}) mm RAS", point(low), point(high)));
+        let what = if has_splats { "means" } else { "place" };
+        out.add(what, format!("({}) to ({}) mm RAS", point(low), point(high)));
     }
     if let Some([low, high]) = s.index_box_mm {
         let point = |p: [f64; 3]| joined(&p.map(|v| format!("{v:.1}")), ", ");
         out.add("means", format!("({}) to ({}) mm, voxel index times spacing", point(low), point(high)));
     }
-    out.add("kernel", s.kernel);
-    let unit = s.unit.text();
-    let field = format!(
-        "{}{unit} where no splat reaches (ε {}, w₀ {}: see vgs's method.md)",
-        s.background, s.epsilon, s.occupancy_w0
-    );
-    out.add("field", field);
+    if has_splats {
+        out.add("kernel", s.kernel);
+        let unit = s.unit.text();
+        let field = format!(
+            "{}{unit} where no splat reaches (ε {}, w₀ {}: see vgs's method.md)",
+            s.background, s.epsilon, s.occupancy_w0
+        );
+        out.add("field", field);
+    }
     if let Some(iterations) = s.iterations {
         out.add("fit", format!("{iterations} iterations"));
     }
@@ -457,6 +471,7 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     }
     if let Some(size) = s.grid_size {
         let right = match s.form {
+            _ if !has_splats => "those of the volume",
             "field" => "the splats are right between them, too",
             _ => "the splats are right at these alone: mode decoded shows them",
         };
@@ -467,7 +482,9 @@ fn splat_lines(s: &Summary, out: &mut Lines) {
     }
     let elements: Vec<_> = s.elements.iter().map(|(name, n)| format!("{name} ({n})")).collect();
     out.add("elements", elements.join(", "));
-    out.add("properties", s.properties.join(" "));
+    if has_splats {
+        out.add("properties", s.properties.join(" "));
+    }
 }
 
 /// Explanation of each layout of splats.
@@ -482,12 +499,13 @@ const LAYOUTS: [(&str, &str); 4] = [
     ("3dgs", "that of ordinary 3D Gaussian splatting"),
 ];
 
-/// Formats a label with its name and its number of splats.
-fn label_text(count: &LabelCount) -> String {
+/// Formats a label with its name and, if there are splats at all, its number of splats.
+fn label_text(count: &LabelCount, has_splats: bool) -> String {
     let LabelCount { label, name, splats } = count;
+    let count = if has_splats { format!(" ({splats})") } else { String::new() };
     match (label, name) {
-        (0, _) => format!("none ({splats})"),
-        (_, Some(name)) => format!("{label} {name} ({splats})"),
-        (_, None) => format!("{label} ({splats})"),
+        (0, _) => format!("none{count}"),
+        (_, Some(name)) => format!("{label} {name}{count}"),
+        (_, None) => format!("{label}{count}"),
     }
 }

@@ -93,6 +93,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
             tracing::warn!("{why}: mode {} shows something else; leave --mode out", row.name);
         }
     }
+    arguments.check_mode(row, set.as_ref())?;
     let wants_volume = set.is_none();
     if arguments.error {
         row = arguments.error_row(row, set.as_ref())?;
@@ -269,6 +270,16 @@ impl RenderArguments {
                 .help("give one, beside splats with --volume, and its mask with --roi"));
         }
         Ok(row)
+    }
+
+    /// Fails if a mode draws splats, and these are coded voxels.
+    fn check_mode(&self, row: &'static ModeRow, set: Option<&SplatSet>) -> Result<()> {
+        if !row.of_splats || row.name == "decoded" || set.is_none_or(|set| set.voxels.is_empty()) {
+            return Ok(());
+        }
+        let message = format!("--mode {} draws splats, and the file has coded voxels", row.name);
+        Err(Error::new(Kind::Usage, "VGS-CLI-169", message)
+            .help("leave --mode out: mode decoded shows them; or fit splats: vgs fit"))
     }
 
     /// Returns the mode in which surfaces have the colours of their error.
@@ -466,7 +477,9 @@ impl RenderArguments {
                 );
             }
             let verb = if self.splat_budget.is_some() { "are rendered" } else { "can be seen" };
-            console.say(&format!("{active} of {} splats {verb}", splats.count));
+            if splats.count > 0 {
+                console.say(&format!("{active} of {} splats {verb}", splats.count));
+            }
         }
         for ((purpose, heap), bytes) in gpu.memory_account() {
             tracing::info!("{heap} memory for {purpose}: {:.1} MB", bytes as f64 * 1e-6);

@@ -7,6 +7,7 @@ use engine::splat::{
     self, Field, Form, Grid, Harmonics, PLY_LAYOUTS, Place, PlyLayout, Region, Splat, SplatSet,
 };
 use engine::unit::Unit;
+use engine::volume::{Roi, Volume};
 use flate2::Crc;
 use flate2::read::GzDecoder;
 use glam::{DAffine3, DVec3};
@@ -93,14 +94,19 @@ fn without_comments(file: &[u8]) -> Vec<u8> {
     [kept.as_bytes(), &file[at..]].concat()
 }
 
-/// `.vgs` with labels and a region, with none, and with many splats.
+/// `.vgs` with labels and a region, with none, with many splats, and with coded voxels.
 pub fn vgs() -> Vec<Vec<u8>> {
     let origin_mm = DVec3::new(3.0, -7.0, 9.0);
     let bare = SplatSet { splats: set().splats, origin_mm, ..SplatSet::default() };
     // With more bytes of splats than of header.
     let many = SplatSet { splats: set().splats.repeat(60), origin_mm, ..SplatSet::default() };
+    let size = [9, 8, 40];
+    let volume = Volume::new(size, DAffine3::IDENTITY, (0..2880).map(|i| ((i * i) % 97) as f32).collect());
+    let weight = (0..2880).map(|i| f32::from(u8::from(i % 9 > 1 && i / 72 % 3 > 0))).collect();
+    let roi = Roi::new(weight, &volume).expect("a region");
+    let coded = engine::coded::coded(&volume, &roi, None, 3.0).expect("a set");
     let write = |set: SplatSet| written(&["a.vgs"], move |path: &Path| splat::write(path, &set, true));
-    [write(set()), write(bare), write(many)].concat()
+    [write(set()), write(bare), write(many), write(coded)].concat()
 }
 
 /// SPZ of version 3, as it is written and so that its bytes can be changed, and of version 4.
@@ -190,7 +196,14 @@ pub fn glb() -> Vec<Vec<u8>> {
 #[derive(Deserialize)]
 struct Parts {
     region: Option<Part>,
+    #[serde(default)]
+    voxels: Vec<Slabs>,
     layers: Vec<Part>,
+}
+
+#[derive(Deserialize)]
+struct Slabs {
+    slabs: Vec<Part>,
 }
 
 #[derive(Deserialize)]
@@ -208,15 +221,15 @@ pub fn vgs_sums(bytes: &[u8]) -> Vec<u8> {
     // The header ends with its layers.
     let key = b"\"layers\"";
     let Some(last) = bytes.windows(key.len()).position(|window| window == key) else { return kept() };
-    let Some(end) = bytes[last..].windows(3).position(|end| end == b"}]}").map(|at| last + at + 3) else {
+    let Some(end) = bytes[last..].windows(2).position(|end| end == b"]}").map(|at| last + at + 2) else {
         return kept();
     };
     let mut header = bytes[START.min(last)..end].to_vec();
     let mut rest = &bytes[end..];
-    if let Ok(Parts { region, layers }) = serde_json::from_slice::<Parts>(&header) {
+    if let Ok(Parts { region, voxels, layers }) = serde_json::from_slice::<Parts>(&header) {
         let key = b"\"crc32\":";
         let mut from = 0;
-        for part in region.iter().chain(&layers) {
+        for part in region.iter().chain(voxels.iter().flat_map(|voxels| &voxels.slabs)).chain(&layers) {
             let length = usize::try_from(part.bytes).unwrap_or(usize::MAX).min(rest.len());
             let (own, after) = rest.split_at(length);
             rest = after;
