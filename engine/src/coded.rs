@@ -2,7 +2,7 @@
 
 use crate::error::{Error, Kind, Result};
 use crate::splat::voxels::{LARGEST_CODE, Precision, Voxels};
-use crate::splat::{Field, Form, Grid, Region, SplatSet};
+use crate::splat::{Field, Form, Grid, Region, SplatSet, vgs};
 use crate::unit::Unit;
 use crate::volume::{Labels, Roi, Volume};
 use glam::DVec3;
@@ -11,6 +11,8 @@ use glam::DVec3;
 const USUAL_HU: f64 = 30.0;
 /// The same of other scans, as a part of the range of the region.
 const USUAL_PART: f64 = 0.01;
+/// Most voxels of a region that is coded only to tell what that takes: about two seconds.
+const MOST_TRIED: usize = 4 << 20;
 
 /// Returns the bound that is usual for a volume: 30 HU, or, without HU, 1 % of the range of the region.
 pub fn usual_bound(volume: &Volume, roi: &Roi) -> f64 {
@@ -83,4 +85,25 @@ pub fn coded(volume: &Volume, roi: &Roi, labels: Option<&Labels>, bound: f64) ->
         crate::fit::labels::label(&mut set, labels);
     }
     Ok(set)
+}
+
+/// What a region takes that is coded in place of splats.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct InPlaceOfSplats {
+    /// Greatest error of a voxel, in the unit of the volume.
+    pub bound: f64,
+    /// Bytes of the file.
+    pub bytes: u64,
+}
+
+/// Returns what a region takes that is coded with no greater root mean square error than splats have; `None` for a soft
+/// region, one of too many voxels to be tried by the way, and one that cannot be coded so.
+pub fn in_place_of_splats(volume: &Volume, roi: &Roi, rmse: f64) -> Option<InPlaceOfSplats> {
+    if roi.soft || roi.voxel_count() > MOST_TRIED {
+        return None;
+    }
+    // Errors are spread evenly up to the bound.
+    let set = coded(volume, roi, None, (3f64.sqrt() * rmse).floor()).ok()?;
+    let bound = set.voxels.first()?.precision.bound();
+    vgs::encode(&set).ok().map(|file| InPlaceOfSplats { bound, bytes: file.len() as u64 })
 }

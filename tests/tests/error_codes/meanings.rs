@@ -1,7 +1,7 @@
 //! What the file says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the file.
-pub const GROUPS: [(&str, &str); 31] = [
+pub const GROUPS: [(&str, &str); 32] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -16,6 +16,7 @@ pub const GROUPS: [(&str, &str); 31] = [
     ("FIT", "the fit"),
     ("SPLAT", "files of splats"),
     ("FILE", "splat files .vgs"),
+    ("CODE", "regions coded without splats"),
     ("PLY", "PLY files"),
     ("SPZ", "SPZ files"),
     ("GLB", "binary glTF files"),

@@ -3,13 +3,13 @@
 
 usage: rate-distortion.py DATA OUT.csv [CASE...]     adds rows; VGS is the command that runs vgs (tools/vgs)
        rate-distortion.py --plot OUT.csv OUT.svg
-       rate-distortion.py --pictures DATA OUT.png    pictures at equal bytes
+       rate-distortion.py --coded DATA OUT.csv       the rows of the coder of the region anew
 
 It needs numpy scipy nibabel h5py hdf5plugin imagecodecs matplotlib
 
 All count the mask as vgs codes it, splats in their file. Codecs see the box around the mask, in which what is outside is
-filled smoothly, or ("inside") the voxels of the mask alone, row by row; "coded" is the near-lossless coder of the
-engine (STUDIES is the command that runs studies). Thick slices have none between them. PSNR is over the range of the whole
+filled smoothly, or ("inside") the voxels of the mask alone, row by row; "coded" is the region without
+splats, as `vgs convert --bound` writes it (STUDIES is the command that runs studies). Thick slices have none between them. PSNR is over the range of the whole
 volume, at the voxels of the mask.
 """
 import csv, json, lzma, os, subprocess, sys, tempfile
@@ -28,12 +28,6 @@ CASES = {
     "abdomen bones": ("ct-abdomen-full/ct", "ct-abdomen-full/mask_bones", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
     "engine": ("engine/volume", None, [0.003125]),
 }
-
-# Case, density, preset and side of a row of pictures.
-PICTURES = [
-    ("abdomen bones", 0.0125, "CT-Bone", "posterior"),
-    ("heart", 0.05, "CT-Muscle", "anterior"),
-]
 
 LINES = {
     "lossless": ("black", "--"),
@@ -90,7 +84,7 @@ def by_slices(box, encode, decode):
 def coded(ct, region):
     """Returns what the near-lossless coder makes of a region, for each bound; it has the bytes of the mask, too."""
     flags = [] if region[0] == "--roi-threshold" else region
-    command = [*STUDIES, "code", ct, *flags, "--bounds", "0,3,6,10,15,30,60,90,120,200"]
+    command = [*STUDIES, "code", ct, *flags, "--bounds", "0,3,6,10,15,30,60,90,120,200,300"]
     lines = subprocess.run(command, check=True, capture_output=True, text=True).stdout.splitlines()
     return [json.loads(line) for line in lines if line.startswith("{")]
 
@@ -153,9 +147,8 @@ def measure(name, data, write):
     for distance in (0.1, 0.3, 1, 2, 4, 8):
         encode = lambda a: imagecodecs.jpegxl_encode(a, distance=distance)
         codec("JPEG XL", distance, by_slices(box, encode, imagecodecs.jpegxl_decode))
-    for found in of_engine:
-        psnr = 10 * np.log10(span**2 / found["rmse"] ** 2) if found["rmse"] else ""
-        row("coded", found["bound"], found["value_bytes"] + of_mask, psnr)
+    for of_bound in coded_rows(name, of_engine, span, inside.all()):
+        write(of_bound)
     with tempfile.TemporaryDirectory() as scratch:
         for density in densities:
             ply, small = f"{scratch}/a.ply", f"{scratch}/a.vgs"
@@ -181,76 +174,31 @@ def read_case(name, data):
     return ct, region, volume, mask, corner, box
 
 
-def finest(compress, bytes_left):
-    """Returns what comes back at the finest setting that takes at most this many bytes."""
-    low, high = 0.5, 4000.0
-    while high / low > 1.02:
-        middle = (low * high) ** 0.5
-        low, high = (low, middle) if compress(middle)[0] <= bytes_left else (middle, high)
-    return compress(high)
+def code_anew(data, table):
+    """Replaces the rows of the coder of the region."""
+    with open(table, newline="") as file:
+        rows = list(csv.DictReader(file))
+    fields = list(rows[0])
+    kept = [row for row in rows if row["method"] != "coded"]
+    for name in CASES:
+        ct, region, volume, mask, *_ = read_case(name, data)
+        kept += coded_rows(name, coded(ct, region), float(volume.max() - volume.min()), mask.all())
+    order = list(dict.fromkeys(row["case"] for row in rows))
+    kept.sort(key=lambda row: order.index(row["case"]))
+    with open(table, "w", newline="") as file:
+        writer = csv.DictWriter(file, fields)
+        writer.writeheader()
+        writer.writerows(kept)
 
 
-def picture_row(name, density, preset, side, data):
-    """Returns pictures with titles: the CT, the splats in a .vgs, and two codecs at no more bytes."""
-    ct, region, volume, mask, corner, box = read_case(name, data)
-    of_mask = coded(ct, region)[0]["region_bytes"]
-    affine = nibabel.load(ct).affine
-    ends = np.array([[s.start, s.stop - 1] for s in corner])
-    ends = np.array([affine @ [*(ends[k, i >> k & 1] for k in range(3)), 1] for i in range(8)])[:, :3]
-    centre, extent = (ends.min(0) + ends.max(0)) / 2, np.ptp(ends, axis=0)
-    far = max(extent[0], extent[2]) / 2 / np.tan(np.radians(15)) + extent[1] / 2
-    with tempfile.TemporaryDirectory() as scratch:
-        camera = f"{scratch}/camera.json"
-        with open(camera, "w") as file:
-            eye = centre + [0, far, 0] if side == "anterior" else centre - [0, far, 0]
-            json.dump(dict(eye_mm=list(eye), target_mm=list(centre), up=[0, 0, 1], fov_deg=30), file)
-
-        def render(*scene):
-            out = f"{scratch}/a.png"
-            run("render", *scene, "--tf", preset, "--camera", camera, "--size", "640x640", "-o", out, "--force", "-q")
-            import matplotlib.pyplot as plt
-
-            return plt.imread(out)[..., :3]
-
-        def render_volume(back):
-            whole = volume.copy()
-            whole[corner] = np.where(mask[corner], back, volume[corner])
-            path = f"{scratch}/v.nii.gz"
-            nibabel.save(nibabel.Nifti1Image(whole.astype(np.float32), affine), path)
-            return render(path, *region)
-
-        small = f"{scratch}/a.vgs"
-        run("fit", ct, *region, "--density", density, "--between-slices", "linear", "-o", small, "--no-eval", "-q")
-        size = os.path.getsize(small)
-        left = size - of_mask
-        truth = render_volume(box)
-        codecs = {
-            "SZ3": lambda bound: through_hdf5(box, dict(hdf5plugin.SZ3(absolute=bound))),
-            "DCT": lambda step: through_dct(box, step),
-        }
-        shown = [(f"{name}, the CT", truth, None), (f".vgs, {size / 1000:.0f} kB", render(small), size)]
-        for method, compress in codecs.items():
-            taken, back = finest(compress, left)
-            shown.append((f"{method}, {(taken + of_mask) / 1000:.0f} kB", render_volume(back), taken))
-    titled = []
-    for title, picture, size in shown:
-        error = np.mean((picture.astype(np.float64) - truth) ** 2)
-        titled.append((title if size is None else f"{title}: {-10 * np.log10(error):.1f} dB", picture))
-    return titled
-
-
-def pictures(data, out):
-    import matplotlib.pyplot as plt
-
-    rows = [picture_row(*of, data) for of in PICTURES]
-    figure, axes = plt.subplots(len(rows), 4, figsize=(16, 4.3 * len(rows)))
-    for line, row in zip(axes, rows):
-        for axis, (title, picture) in zip(line, row):
-            axis.imshow(picture, interpolation="nearest")
-            axis.set_title(title, fontsize=10)
-            axis.axis("off")
-    figure.tight_layout(pad=0.4)
-    figure.savefig(out, dpi=80, metadata={"Software": None})
+def coded_rows(name, of_engine, span, is_whole):
+    """Returns rows of what the engine's coder takes; a region that is the whole volume has no mask."""
+    for found in of_engine:
+        of_mask = 0 if is_whole else found["region_bytes"]
+        size, voxels = found["value_bytes"] + of_mask, found["voxels"]
+        psnr = 10 * np.log10(span**2 / found["rmse"] ** 2) if found["rmse"] else ""
+        yield dict(case=name, voxels=voxels, method="coded", setting=found["bound"], bytes=size,
+                   bytes_a_voxel=size / voxels, psnr_db=psnr, mask_bytes=of_mask)
 
 
 def plot(table, out):
@@ -280,8 +228,8 @@ def plot(table, out):
 def main():
     if sys.argv[1:2] == ["--plot"]:
         return plot(*sys.argv[2:])
-    if sys.argv[1:2] == ["--pictures"]:
-        return pictures(*sys.argv[2:])
+    if sys.argv[1:2] == ["--coded"]:
+        return code_anew(*sys.argv[2:])
     data, out, *names = sys.argv[1:]
     with open(out, "a", newline="") as file:
         fields = "case voxels method setting bytes bytes_a_voxel psnr_db mask_bytes".split()

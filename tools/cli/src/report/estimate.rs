@@ -42,12 +42,22 @@ pub struct Estimate {
     /// Expected errors: those of the target, or what an unchanged quality was measured to leave; else not known.
     #[serde(flatten)]
     pub expected: Option<VoxelErrors>,
+    /// What the region takes that is coded in place of splats, with the expected root mean square error.
+    pub coded: Option<CodedEstimate>,
     /// Error that the fit is to reach, in words, if there is one.
     pub target: Option<String>,
     /// Time that the estimate took, seconds.
     pub calibration_seconds: f64,
     /// Time from the start of the command until the estimate was there, seconds.
     pub found_seconds: f64,
+}
+
+/// What a region takes that is coded in place of splats (`vgs convert`).
+#[derive(Clone, Copy, Debug, PartialEq, Serialize)]
+pub struct CodedEstimate {
+    /// Greatest error of a voxel.
+    pub bound: f64,
+    pub file_bytes: u64,
 }
 
 /// How far the predictions of fits were off in docs/results/tradeoffs.md, as people are told.
@@ -84,6 +94,14 @@ pub fn text(estimate: &Estimate, unit: &str) -> String {
             two_digits(rmse_hu)
         )),
         (None, None) => out.push_str("  error: not known of settings other than a --quality as it is\n"),
+    }
+    if let Some(CodedEstimate { bound, file_bytes }) = e.coded {
+        out.push_str(&format!(
+            "  without splats: {}, no voxel off by more than {}{unit} and no more than that root mean square (vgs convert \
+             --bound)\n",
+            bytes(file_bytes),
+            two_digits(bound)
+        ));
     }
     out.push_str(&format!("(found out in {}; {TRUST})", seconds(e.found_seconds)));
     out
@@ -155,6 +173,7 @@ mod tests {
             file_bytes: 1234,
             early: VoxelErrors { rmse_hu: 60.0, p99_hu: 240.0 },
             expected: None,
+            coded: None,
             target: None,
             calibration_seconds: 3.0,
             found_seconds: 10.0,

@@ -5,13 +5,14 @@
 use std::time::{Duration, Instant};
 
 use engine::Result;
+use engine::coded::in_place_of_splats;
 use engine::fit::evaluate::{self, Protocol};
 use engine::fit::{EARLY, Fitter, Goal, QualityPreset, ROUNDING_ITERATIONS, Schedule, Start};
 use engine::gpu::Gpu;
 use engine::splat::{self, Splat, SplatSet};
 
 use super::prepare::Prepared;
-use crate::report::estimate::{Estimate, VoxelErrors};
+use crate::report::estimate::{CodedEstimate, Estimate, VoxelErrors};
 use crate::shared::waiting::Waiting;
 
 /// Number of iterations that are not timed: kernels are compiled at the first one, and buffers grow.
@@ -107,6 +108,8 @@ pub fn estimate(plan: &Trying<'_>) -> Result<Estimate> {
     }
     let iterations = rates.iterations(&fit.schedule());
     let looks = iterations / u32::try_from(problem.config().offset_count()).unwrap_or(1).max(LOOK_EVERY);
+    let expected = expected(plan, early);
+    let coded = expected.and_then(|errors| in_place_of_splats(&case.volume, &case.roi, errors.rmse_hu));
     Ok(Estimate {
         device: gpu.description().name.clone(),
         splats: first.len(),
@@ -122,7 +125,8 @@ pub fn estimate(plan: &Trying<'_>) -> Result<Estimate> {
         device_peak_bytes: peak_bytes(plan),
         file_bytes: file_bytes(plan, set)?,
         early,
-        expected: expected(plan, early),
+        expected,
+        coded: coded.map(|of| CodedEstimate { bound: of.bound, file_bytes: of.bytes }),
         target: fit.goal().map(|goal| {
             let about = if settings.is_aim() { "about " } else { "" };
             format!("{about}{}", goal.text(case.volume.unit().text()))

@@ -2,6 +2,7 @@
 
 use std::path::Path;
 
+use engine::coded::{InPlaceOfSplats, in_place_of_splats};
 use engine::fit::evaluate::Evaluation;
 use engine::fit::{End, Outcome};
 use engine::{Result, splat};
@@ -31,6 +32,7 @@ pub fn report(
     let timings = timings(prepared, fitted, evaluated, estimate.as_ref());
     let results = results(prepared, fitted, evaluated, &timings);
     warn_of_target(prepared, evaluated);
+    warn_of_bytes(prepared, fitted, evaluated);
     let checked = match estimate {
         Some(estimate) => {
             let file_bytes = splat::file_bytes(&files.splats, &fitted.set, &prepared.write)?;
@@ -110,6 +112,28 @@ fn warn_of_target(prepared: &Prepared<'_>, evaluated: &Evaluated) {
         tracing::warn!("{target} was aimed at, and is missed by {db:.1} dB: --target-hu reaches it");
     } else {
         tracing::warn!("{target} is missed by {db:.2} dB: the limits of the fit leave no more splats");
+    }
+}
+
+/// Warns if splats that are to reach an error take more bytes than the region without them.
+fn warn_of_bytes(prepared: &Prepared<'_>, fitted: &Fitted, evaluated: &Evaluated) {
+    let Some((_, evaluation)) = prepared.plan.goal().zip(evaluated.evaluation.as_ref()) else { return };
+    let output = &fitted.files.splats;
+    let Ok(taken) = std::fs::metadata(output).map(|file| file.len()) else { return };
+    if !splat::rounds(output) {
+        return;
+    }
+    let case = &prepared.case;
+    let coded = in_place_of_splats(&case.volume, &case.roi, evaluation.on_grid.rmse_hu);
+    if let Some(InPlaceOfSplats { bound, bytes: without }) = coded.filter(|coded| coded.bytes < taken) {
+        tracing::warn!(
+            "these splats take {}; without splats the region takes {} as near in the mean, and no voxel is off by more \
+             than {bound:.0}{}: vgs convert {} --bound {bound:.0} -o OUT.vgs, with the same --roi",
+            bytes(taken),
+            bytes(without),
+            case.volume.unit().text(),
+            prepared.arguments.volume.display()
+        );
     }
 }
 
