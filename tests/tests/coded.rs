@@ -79,7 +79,7 @@ fn pictures_are_those_of_the_volume() {
     let (volume, roi) = case();
     for edges in [Edges::Voxel, Edges::default()] {
         let (of_volume, of_roi) = volume::shown(&volume, Some(&roi), BetweenSlices::Linear, edges);
-        for (bound, least) in [(0.0, 50.0), (30.0, 36.0)] {
+        for (bound, least) in [(0.0, 55.0), (30.0, 36.0)] {
             let set = coded(&volume, &roi, None, bound).expect("coded");
             let look = look("CT-Bone", true);
             let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");

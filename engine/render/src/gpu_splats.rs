@@ -114,8 +114,9 @@ impl GpuSplats {
             let c = f64::from(splat.intensity);
             range = [range[0].min(c), range[1].max(c)];
         }
-        for (_, value) in set.coded() {
-            range = [range[0].min(value), range[1].max(value)];
+        // Interpolation reaches into the rim.
+        for [low, high] in set.voxels.iter().filter_map(Voxels::range) {
+            range = [range[0].min(low), range[1].max(high)];
         }
         if set.is_empty() {
             range = [0.0, 1.0];

@@ -99,8 +99,9 @@ impl SplatSet {
 /// there are more than [`MOST_OBJECTS`] objects.
 pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let Some(((first_name, first), others)) = sets.split_first() else { return Ok(SplatSet::default()) };
+    let lead = sets.iter().find(|(_, set)| !set.splats.is_empty()).map_or(first, |(_, set)| set);
     for (name, set) in others {
-        if let Some((what, help)) = discord(first, set) {
+        if let Some((what, help)) = discord(first, set).or_else(|| discord(lead, set)) {
             let message = format!("{first_name} and {name} cannot be one scene: {what}");
             return Err(Error::new(Kind::BadData, "VGS-SPLAT-003", message).help(help));
         }
@@ -112,9 +113,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
     let Numbered { labels, names: label_names, of_set } = numbered(&sets)?;
     let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
     let origin_mm = if shared { first.origin_mm } else { common_origin(&sets) };
-    let with_splats = sets.iter().find(|(_, set)| !set.splats.is_empty());
-    let field =
-        Field { background: mean_background(&sets), ..with_splats.map_or(first.field, |(_, set)| set.field) };
+    let field = Field { background: mean_background(&sets), ..lead.field };
     let unit = others.iter().fold(first.unit, |unit, (_, s)| unit.joined(s.unit));
     let colours = first.colours.is_some().then(|| joined_colours(&sets));
     let iterations =

@@ -105,6 +105,13 @@ impl Voxels {
         self.code(voxel).map(|code| f64::from(code) * self.precision.step)
     }
 
+    /// Returns the least and the greatest V, that of the rim included; `None` without any.
+    pub fn range(&self) -> Option<[f64; 2]> {
+        let known = || self.codes.iter().copied().filter(|&code| code != NONE);
+        let range = known().min().zip(known().max());
+        range.map(|(low, high)| [low, high].map(|code| f64::from(code) * self.precision.step))
+    }
+
     pub(crate) fn code(&self, voxel: [i64; 3]) -> Option<i32> {
         let inside =
             (0..3).all(|k| (0..i64::from(self.size[k])).contains(&(voxel[k] - i64::from(self.first[k]))));

@@ -51,14 +51,18 @@ impl Content {
             Ok(content(vec![(PartKind::Voxels, data, names.iter().map(number).collect())]))
         };
         // The limits of pages are those of the engine, which goes on with coarser voxels.
-        let is_read = pieces.iter().all(|piece| is_read_by_pages(&piece.source.set));
+        let of_pieces = || pieces.iter().map(|piece| &piece.source.set);
+        // A scene of one set with a region has a region, for which pages want that of every set.
+        let is_read =
+            of_pieces().all(|own| is_read_by_pages(own) && own.region.is_some() == set.region.is_some());
         if !is_read || !decodes_every_voxel(set) {
             return voxels(device);
         }
         let file = |Piece { source, numbers }: &Piece| Ok((PartKind::Vgs, file_of(source)?, numbers.clone()));
         let files = content(pieces.iter().map(file).collect::<Result<_>>()?);
         // Coded voxels are smaller than a field on voxels.
-        let with_splats = pieces.iter().zip(&files.parts).filter(|(piece, _)| !piece.source.set.splats.is_empty());
+        let with_splats =
+            pieces.iter().zip(&files.parts).filter(|(piece, _)| !piece.source.set.splats.is_empty());
         let of_splats: u64 = with_splats.map(|(_, part)| part.bytes).sum();
         if of_splats > 0 && core_voxels(set).is_some_and(|voxels| of_splats > BYTES_A_VOXEL * voxels) {
             let voxels = voxels(device)?;
@@ -147,7 +151,9 @@ fn core_voxels(set: &SplatSet) -> Option<u64> {
 
 #[cfg(test)]
 mod tests {
-    use engine::splat::Splat;
+    use engine::coded::coded;
+    use engine::splat::{Region, Splat};
+    use engine::volume::{Roi, Volume};
     use glam::DAffine3;
 
     use super::*;
@@ -182,6 +188,17 @@ mod tests {
         assert_eq!(core_voxels(&SplatSet { grid: None, ..set(1, soft) }), None);
     }
 
+    /// The coded voxels of a cube, on the grid of [`set`].
+    fn voxels() -> SplatSet {
+        let Grid { size, world_from_voxel } = set(0, Form::Grid).grid.expect("a grid");
+        let size = size.map(|n| n as usize);
+        let samples = (0..size.iter().product()).map(|i: usize| (i * i % 1999) as f32).collect();
+        let volume = Volume::new(size, world_from_voxel, samples);
+        let inside = |i: usize| (4..16).contains(&(i % 64)) && (2..18).contains(&(i / 64 % 20));
+        let weight = (0..volume.len()).map(|i| f32::from(u8::from(inside(i)))).collect();
+        coded(&volume, &Roi { size, weight, soft: false }, None, 0.0).expect("coded")
+    }
+
     #[test]
     fn a_device_is_asked_for_only_where_it_is_needed() {
         let mut asked = 0;
@@ -200,6 +217,15 @@ mod tests {
         let content = Content::of(&both, &mut device).expect("as they are");
         assert!(content.data == [file.clone(), file]);
         assert_eq!(content.objects.iter().map(|(number, _)| *number).collect::<Vec<_>>(), [1, 2]);
+        let source = |stem: &str, set: SplatSet| Source { stem: stem.to_owned(), ..Source::of("", set) };
+        let alone = Content::of(&join(vec![source("a", voxels())]), &mut device).expect("a file");
+        assert!(alone.bytes() > 4000, "{} bytes, which splats would not have", alone.bytes());
+        let region = Region::of([64, 20, 20], |i| (i % 64 > 30).then_some(0));
+        let fitted = SplatSet { region, ..binary };
+        let sources = vec![source("a", voxels()), source("b", fitted)];
+        let both = Content::of(&join(sources), &mut device).expect("two files");
+        assert_eq!((&both.data[0], both.parts.len()), (&alone.data[0], 2));
+        assert_eq!(both.parts.iter().map(|part| &part.numbers[..]).collect::<Vec<_>>(), [[[0, 1]], [[0, 2]]]);
         assert_eq!(asked, 0);
     }
 
@@ -215,5 +241,8 @@ mod tests {
         assert!(fails(set(8, Form::Field)) && fails(SplatSet { grid: None, ..set(8, soft) }));
         let many = SplatSet { splats: set(3, soft).splats.repeat(100), ..set(0, soft) };
         assert!(fails(many), "they may be larger than their voxels");
+        let sources = [voxels(), set(8, soft)].map(|set| Source::of("", set)).to_vec();
+        let both = Splats::join(sources).expect("splats");
+        assert_eq!(Content::of(&both, &mut device).expect_err("regions beside soft masks").code, "T");
     }
 }

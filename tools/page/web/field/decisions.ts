@@ -1,12 +1,16 @@
-// A number near a prediction, as decisions (engine/splat/src/vgs/decisions.rs). All numbers are whole and below 2^53.
+// A number near a prediction, as decisions (engine/splat/src/vgs/decisions.rs). All numbers are whole and
+// below 2^53.
 import { Decoder, Tree } from './coder.ts';
 
 /** Predictions and sizes of errors are in parts of this. */
 export const POINT = 64;
 /** Largest size of a number. */
 export const LARGEST = 2 ** 28;
-/** Contexts: the levels of an error, by the number of faces that are not inside, in the region and in its rim. */
-const CONTEXTS = 2 * 7 * 32;
+/**
+ * Contexts: the levels of an error, by the number of faces that are not inside, in the region and in its rim;
+ * and classes of how far the prediction is from the number of the lattice nearest to it.
+ */
+const CONTEXTS = 2 * 7 * 32, OFFS = 3;
 /** Kinds of decisions; those of the divisions of a cell begin here. */
 const KINDS = 24, HALVES = 20, OTHERS = 23;
 /** Beyond this many cells, the rest is a number of its own, of so many bits at most. */
@@ -16,15 +20,19 @@ const LEAST = 24;
 
 /** What was learned of decisions. */
 export class Decisions {
-    private readonly bits = new Tree(CONTEXTS * KINDS - 1);
+    private readonly bits = new Tree(CONTEXTS * OFFS * KINDS - 1);
 
     /**
-     * Reads the number of a lattice of `step` around a prediction, both of which are as far off as `size` says; NaN if it is
-     * larger than any. `context` is what it has in common with others.
+     * Reads a multiple of `step` that is about as far from a prediction as `size` says; NaN if it is larger
+     * than any. `context` is what it has in common with others.
      */
     number(input: Decoder, prediction: number, size: number, context: number, step: number): number {
-        const middle = Math.floor((prediction + POINT / 2) / POINT), node = context * KINDS;
-        const centre = Math.min(Math.max(middle, -LARGEST / 2), LARGEST / 2);
+        const nearest = Math.floor((prediction + POINT / 2) / POINT);
+        const predicted = Math.min(Math.max(nearest, -LARGEST / 2), LARGEST / 2);
+        const centre = Math.floor((predicted + Math.floor(step / 2)) / step) * step;
+        // What lies on the side of the prediction is likelier, however that side is called.
+        const off = predicted - centre, ahead = off < 0 ? -step : step;
+        const node = (context * OFFS + Math.floor(Math.abs(off) * 2 * OFFS / (step + 1))) * KINDS;
         let bits = 0, side = 1;
         while (bits < 26 && step * side * 2 * POINT < size) {
             bits++;
@@ -37,7 +45,7 @@ export class Decisions {
             if (input.decision(this.bits, node + kind, LEAST)) index += half;
             kind = OTHERS;
         }
-        const number = centre + (index - Math.floor(side / 2)) * step;
+        const number = centre + (index - Math.floor(side / 2)) * ahead;
         return Math.abs(number) <= LARGEST ? number : NaN;
     }
 

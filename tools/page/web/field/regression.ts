@@ -1,5 +1,5 @@
-// A linear prediction that is learned on the way (engine/splat/src/vgs/regression.rs). All numbers are whole and below
-// 2^53.
+// A linear prediction that is learned on the way (engine/splat/src/vgs/regression.rs). All numbers are whole
+// and below 2^53.
 
 /** Terms of a sample. */
 export const TERMS = 24;
@@ -8,8 +8,8 @@ const WEIGHT_ONE = 1 << 16;
 const LARGEST_WEIGHT = 4 * WEIGHT_ONE;
 const FADE = 32, ROUND = 4, PULL = 1 << 17;
 /**
- * Where in a regression are: the products of terms, of which those above the diagonal are kept; the products with what is
- * wanted; the weights; the number of samples.
+ * Where in a regression are: the products of terms, of which those above the diagonal are kept; the products
+ * with what is wanted; the weights; the number of samples.
  */
 const WANTED = TERMS * TERMS, WEIGHTS = WANTED + TERMS, SEEN = WEIGHTS + TERMS;
 
@@ -31,10 +31,12 @@ export function predict(of: Float64Array, terms: Float64Array): number {
 }
 
 /**
- * Learns what the sum should have been, of terms of which none from `end` on is other than 0. Weights that are not
- * determined are those of `home`.
+ * Learns what the sum should have been, of terms of which none from `end` on is other than 0. Weights that are
+ * not determined are those of `home`.
  */
-export function learn(of: Float64Array, terms: Float64Array, end: number, sum: number, home: Float64Array): void {
+export function learn(
+    of: Float64Array, terms: Float64Array, end: number, sum: number, home: Float64Array,
+): void {
     for (let i = 0; i < end; i++) {
         const term = terms[i];
         if (term === 0) continue;

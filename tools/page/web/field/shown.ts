@@ -1,5 +1,5 @@
-// Splats with a region: what is shown are its voxels, with smooth edges; the splats, or coded voxels in their place, say what
-// V is in them (engine/render/src/decoded/region.rs).
+// Splats with a region: what is shown are its voxels, with smooth edges; the splats, or coded voxels in their
+// place, say what V is in them (engine/render/src/decoded/region.rs).
 import type { Vec3 } from '../types.ts';
 import { extend } from './beyond.ts';
 import { Around, bricksNear } from './bricks.ts';
@@ -103,13 +103,13 @@ export function decodeRegion(
         const take = (x: number, y: number, z: number, slot: number): void => {
             around.move(x, y, z);
             if (!around.near(own, near)) return;
+            const [vx, vy, vz] = [x, y, z].map((brick, k) => brick * 8 + away[k]);
             for (let j = 0; j < ROWS; j++) {
                 const row = slot * ROWS + j, rim = near[j] & ~inside[row], wanted = rim | own[row];
                 for (let i = 0; wanted >> i > 0; i++) {
                     const at = j * width + x * 8 + i, to = row * 8 + i, weight = weights[at];
                     if (!((wanted >> i) & 1) || !Number.isNaN(values[to])) continue;
-                    const value = given
-                        ? valueAt(given, x * 8 + i + away[0], y * 8 + (j & 7) + away[1], z * 8 + (j >> 3) + away[2])
+                    const value = given ? valueAt(given, vx + i, vy + (j & 7), vz + (j >> 3))
                         : weight < LEAST_WEIGHT ? NaN : background + sums[at] / (weight + epsilon);
                     if (Number.isNaN(value)) continue;
                     values[to] = value;

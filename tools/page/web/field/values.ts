@@ -1,4 +1,5 @@
-// The intensities of a region's voxels and of its rim, in place of splats (engine/splat/src/voxels.rs and vgs/values.rs).
+// The intensities of a region's voxels and of its rim, in place of splats (engine/splat/src/voxels.rs and
+// vgs/values.rs).
 import type { Vec3 } from '../types.ts';
 import { Decoder } from './coder.ts';
 import type { Region } from './region.ts';
@@ -15,7 +16,9 @@ export interface Values {
 }
 
 /** V of a voxel of the grid; NaN where it is not known. */
-export function valueAt({ first, size: [nx, ny, nz], values }: Values, x: number, y: number, z: number): number {
+export function valueAt(
+    { first, size: [nx, ny, nz], values }: Values, x: number, y: number, z: number,
+): number {
     const i = x - first[0], j = y - first[1], k = z - first[2];
     return i >= 0 && j >= 0 && k >= 0 && i < nx && j < ny && k < nz ? values[(k * ny + j) * nx + i] : NaN;
 }
@@ -55,8 +58,8 @@ function sitesOf(region: Region, fit: number, first: Vec3, size: Vec3): { sites:
 }
 
 /**
- * Reads V of a region's objects of a fit, in a grid of `grid` voxels, from the bytes of the slabs; null if the bytes are
- * none. A code of 1 stands for `step`, and is off by at most `bound`.
+ * Reads V of a region's objects of a fit, in a grid of `grid` voxels, from the bytes of the slabs; null if the
+ * bytes are none. A code of 1 stands for `step`, and is off by at most `bound`.
  */
 export function readValues(
     slabs: Uint8Array[], region: Region, grid: Vec3, fit: number, step: number, bound: number,
@@ -68,12 +71,14 @@ export function readValues(
     if (slabs.length !== Math.ceil(nz / SLAB)) return null;
     const { sites, steps } = sitesOf(region, fit, first, size);
     for (let k = 0; k < slabs.length; k++) {
-        const input = new Decoder(slabs[k]), reader = new VoxelReader(input, size, [RIM_BOUNDS * bound, bound], steps);
+        const input = new Decoder(slabs[k]);
+        const reader = new VoxelReader(input, size, [RIM_BOUNDS * bound, bound], steps);
         let any = false;
         for (let z = k * SLAB; z < Math.min((k + 1) * SLAB, nz); z++) {
             reader.next();
             for (let y = 0, to = z * nx * ny; y < ny; y++) {
-                for (let x = 0, at = (z + 1) * steps[2] + (y + 1) * steps[1] + 1; x < nx; x++, at++, to++) {
+                let at = (z + 1) * steps[2] + (y + 1) * steps[1] + 1;
+                for (let x = 0; x < nx; x++, at++, to++) {
                     if (sites[at] === OUTSIDE) continue;
                     any = true;
                     const code = reader.read(x, y, sites, at);

@@ -98,7 +98,7 @@ interface Cells {
     side_log2: number;
 }
 
-/** What is stated of the coded voxels of a fit: the intensity of a code of 1, and the greatest error of a code. */
+/** What is stated of the coded voxels of a fit: `step` is the intensity of a code of 1, `bound` its error. */
 interface Coded {
     fit: number;
     step: number;
@@ -155,7 +155,8 @@ const isObject = (fields: Record<string, Check>): Check => (value) =>
 
 const isPart = isObject({ count: isU64, bytes: isU64, crc32: isU32 });
 const isAffine = isList(isNumber, 12);
-const isCoded = isObject({ fit: isU8, step: isNumber, bound: isU32, whole: isFlag, slabs: isList(isPart) });
+const isCoded =
+    isObject({ fit: isU8, step: isNumber, bound: isU32, whole: isFlag, slabs: isList(isPart) });
 const isHeader = isObject({
     program: isText,
     note: isText,

@@ -1,17 +1,17 @@
-// A voxel's intensity from those before it (engine/splat/src/vgs/voxel.rs, which has the method). All numbers are whole and
-// below 2^53, and rounded where the program rounds them.
+// A voxel's intensity from those before it (engine/splat/src/vgs/voxel.rs, which has the method). All numbers
+// are whole and below 2^53, and rounded where the program rounds them.
+import type { Vec3 } from '../types.ts';
 import type { Decoder } from './coder.ts';
 import { Decisions, LARGEST, POINT } from './decisions.ts';
 import { FIRST, LARGEST_TERM, TERMS, learn, predict, regression } from './regression.ts';
-import type { Vec3 } from '../types.ts';
 
-/** Where a voxel is: neither in the region nor beside it; one of the 26 neighbours of such a voxel; in the region. */
+/** Where a voxel is: neither in the region nor beside it; one of the 26 neighbours of one there; in it. */
 export const OUTSIDE = 0, RIM = 1, INSIDE = 2;
 /** Neighbours before a voxel, x first, and their weights in means. */
 const NEIGHBOURS = [
-    [-1, 0, 0, 16], [0, -1, 0, 16], [0, 0, -1, 16], [-1, -1, 0, 6], [1, -1, 0, 6], [-1, 0, -1, 6], [1, 0, -1, 6],
-    [0, -1, -1, 6], [0, 1, -1, 6], [-2, 0, 0, 2], [0, -2, 0, 2], [0, 0, -2, 2], [-1, -1, -1, 2], [1, -1, -1, 2],
-    [-1, 1, -1, 2], [1, 1, -1, 2], [2, -1, 0, 1], [-2, -1, 0, 1],
+    [-1, 0, 0, 16], [0, -1, 0, 16], [0, 0, -1, 16], [-1, -1, 0, 6], [1, -1, 0, 6], [-1, 0, -1, 6],
+    [1, 0, -1, 6], [0, -1, -1, 6], [0, 1, -1, 6], [-2, 0, 0, 2], [0, -2, 0, 2], [0, 0, -2, 2],
+    [-1, -1, -1, 2], [1, -1, -1, 2], [-1, 1, -1, 2], [1, 1, -1, 2], [2, -1, 0, 1], [-2, -1, 0, 1],
 ];
 const COUNT = NEIGHBOURS.length;
 const WEIGHTS = Float64Array.from(NEIGHBOURS, (neighbour) => neighbour[3]);
@@ -49,9 +49,14 @@ export class VoxelReader {
     private readonly values = new Float64Array(COUNT);
     private readonly terms = new Float64Array(TERMS);
     private readonly errors = new Float64Array(TILES.length);
+    /** The regressions that predicted. */
+    private readonly used: Float64Array[] = [FIRST, FIRST, FIRST];
     private readonly predictions = new Float64Array(TILES.length);
 
-    /** Creates a reader of slices, with the greatest errors in the rim and inside, and steps between sites along x, y, z. */
+    /**
+     * Creates a reader of slices. The bounds are those of the rim and of what is inside; steps are those from
+     * the site of a voxel to the next along x, y, z.
+     */
     constructor(input: Decoder, [nx, ny]: Vec3, bounds: [number, number], [sx, sy, sz]: Vec3) {
         this.input = input;
         this.steps = bounds.map((bound) => 2 * bound + 1) as [number, number];
@@ -71,7 +76,7 @@ export class VoxelReader {
         });
     }
 
-    /** Reads the code of the voxel (x, y) of the slice, whose site is at `at` of `sites`; NaN if the bytes are none. */
+    /** Reads the code of voxel (x, y) of the slice, with its site at `at`; NaN if the bytes are none. */
     read(x: number, y: number, sites: Uint8Array, at: number): number {
         const { past, away, values, terms, errors, predictions, faces } = this;
         const place = ((y + BESIDE) * this.row + x + BESIDE) * PAST, inside = sites[at] === INSIDE ? 1 : 0;
@@ -111,10 +116,10 @@ export class VoxelReader {
             open++;
             end = COUNT + k + 1;
         }
-        const regressions = this.regressions[inside];
+        const regressions = this.regressions[inside], { used } = this;
         const first = (regressions[0][0] ??= regression(FIRST));
         for (let k = 0; k < 3; k++) {
-            const found = (regressions[k][this.tile(k, x, y)] ??= regression(first));
+            const found = used[k] = (regressions[k][this.tile(k, x, y)] ??= regression(first));
             const by = Math.trunc(predict(found, terms) * scale / UNIT), most = LARGEST * POINT / 2;
             predictions[k] = Math.min(Math.max(mean * POINT + by, -most), most);
         }
@@ -122,15 +127,16 @@ export class VoxelReader {
         const context = (open + (inside ? 0 : 7)) * 32 + level(error);
         const number = this.decisions.number(this.input, prediction, error, context, step);
         if (Number.isNaN(number)) return number;
-        past[place + this.slice % 3 * this.plane] = number;
-        for (let k = 0; k < 4; k++) {
-            const off = Math.abs(number * POINT - (k === 0 ? prediction : predictions[k - 1]));
-            past[place + this.slice % 3 * this.plane + 1 + k] = Math.min(off, LARGEST_I32);
+        const to = place + this.slice % 3 * this.plane, exact = number * POINT;
+        past[to] = number;
+        past[to + 1] = Math.min(Math.abs(exact - prediction), LARGEST_I32);
+        for (let k = 0; k < 3; k++) {
+            past[to + 2 + k] = Math.min(Math.abs(exact - predictions[k]), LARGEST_I32);
         }
         this.last = number;
         const wanted = termOf(number - mean, scale);
         learn(first, terms, end, wanted, FIRST);
-        for (let k = 1; k < 3; k++) learn(regressions[k][this.tile(k, x, y)]!, terms, end, wanted, first);
+        for (let k = 1; k < 3; k++) learn(used[k], terms, end, wanted, first);
         return number;
     }
 

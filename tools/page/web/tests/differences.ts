@@ -1,18 +1,11 @@
 // How the field that a page decodes differs from that of `vgs rasterize`.
 import { readFileSync } from 'node:fs';
 import { join } from 'node:path';
-import { gunzipSync } from 'node:zlib';
 import { decodeSplats } from '../field/decode.ts';
 import { readVgs } from '../field/vgs.ts';
 import { voxel } from './field.ts';
+import { nifti } from './nifti.ts';
 import { vgs } from './program.ts';
-
-/** Voxels of a NIfTI file of 32-bit floats, x fastest. */
-function nifti(file: string): Float32Array {
-    const bytes = gunzipSync(readFileSync(file));
-    const from = bytes.readFloatLE(108);
-    return new Float32Array(bytes.buffer.slice(bytes.byteOffset + from, bytes.byteOffset + bytes.length));
-}
 
 /**
  * Root of the mean square and the worst difference of V in the mask, and the voxels whose O differs; null for splats of

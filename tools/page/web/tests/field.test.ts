@@ -1,7 +1,9 @@
 // From the bytes of a page to the atlas that it shows.
 import assert from 'node:assert/strict';
-import { readFileSync } from 'node:fs';
-import { describe, it } from 'node:test';
+import { mkdtempSync, readFileSync, rmSync, writeFileSync } from 'node:fs';
+import { tmpdir } from 'node:os';
+import { join } from 'node:path';
+import { after, before, describe, it } from 'node:test';
 import { makeAtlas } from '../field/atlas.ts';
 import { Decoder, Places, Tree } from '../field/coder.ts';
 import { decodeSplats } from '../field/decode.ts';
@@ -9,12 +11,16 @@ import type { Field } from '../field/field.ts';
 import { Refusal } from '../field/refusal.ts';
 import { readRegion } from '../field/region.ts';
 import type { Region } from '../field/region.ts';
-import { readVgs } from '../field/vgs.ts';
+import { valueAt } from '../field/values.ts';
+import { crc32, readVgs } from '../field/vgs.ts';
 import type { Kernel, SplatSet } from '../field/vgs.ts';
 import { readVoxels } from '../field/voxels.ts';
 import { decode } from '../field/worker.ts';
 import type { Atlas, Part, Vec3 } from '../types.ts';
+import { differences } from './differences.ts';
 import { Encoder, bytesOf, rasterized, shown, summed, texel, voxel, withHeader } from './field.ts';
+import { nifti, writeWhole } from './nifti.ts';
+import { program, vgs } from './program.ts';
 
 const still = (): void => {};
 const read = (name: string): SplatSet => readVgs(bytesOf(`${name}.vgs`));
@@ -277,6 +283,146 @@ describe('a region', () => {
         const most = 2 ** 32 - 1, largest = [255, 255, 255, 255, 15];
         const claim = [0, 0, 0, ...largest, ...largest, ...largest, 1, 7, 0, ...Array(64).fill(0)];
         assert.equal(readRegion(Uint8Array.from(claim), [most, most, most]), null);
+    });
+});
+
+describe('coded voxels', { skip: program ? false : 'VGS_PROGRAM names no program' }, () => {
+    let scratch: string, ct: string, whole: string, mask: string;
+    before(() => {
+        scratch = mkdtempSync(join(tmpdir(), 'vgs-coded-'));
+        [ct, whole, mask] = ['ct', 'whole', 'mask'].map((name) => join(scratch, `${name}.nii.gz`));
+        vgs('phantom', '-o', ct, '--mask', mask, '--size', '20,24,60', '--seed', '2', '-q', '-f');
+        writeWhole(ct, nifti(ct), whole);
+    });
+    after(() => rmSync(scratch, { recursive: true }));
+
+    /** The bytes of the file of a region. */
+    const coded = (volume: string, mask: string, bound: number, ...flags: string[]): Uint8Array => {
+        const file = join(scratch, 'coded.vgs');
+        vgs('convert', volume, '--roi', mask, '-o', file, '--bound', `${bound}`, '-q', '-f', ...flags);
+        return new Uint8Array(readFileSync(file));
+    };
+
+    it('have the V of vgs rasterize, within the bound', () => {
+        for (const [volume, bound] of [[whole, 0], [whole, 5], [whole, 30], [ct, 5], [ct, 0.01]] as const) {
+            const set = readVgs(coded(volume, mask, bound)), wanted = nifti(ct), [{ values }] = set.voxels;
+            assert.deepEqual([set.count, set.voxels.length, set.voxels[0].fit], [0, 1, 0]);
+            const { worst, wrong } = differences(join(scratch, 'coded.vgs'), volume, scratch)!;
+            // The program takes V through 16 bits, which hold all multiples of a step if these are not too many.
+            assert.ok(worst <= (bound === 0.01 ? 0.05 : 1e-3) && wrong === 0, `${worst} and ${wrong} at ${bound}`);
+            const { size, first, kinds } = set.region!, [nx, ny] = set.grid!.size;
+            let rim = values.reduce((count, v) => count + (Number.isNaN(v) ? 0 : 1), 0), index = 0;
+            everyVoxel(size, (i, j, k) => {
+                if (!kinds[index++]) return;
+                rim--;
+                const [x, y, z] = [i + first[0], j + first[1], k + first[2]];
+                const exact = wanted[(z * ny + y) * nx + x], v = valueAt(set.voxels[0], x, y, z);
+                const most = bound + (volume === whole ? 0.5 : 0) + 1e-3;
+                assert.ok(Math.abs(v - exact) <= most, `${v} for ${exact} at ${bound}`);
+            });
+            assert.ok(rim > 1000, `V of ${rim} voxels beside the region`);
+        }
+    });
+
+    it('are shown as splats are, with what is beyond and the objects of labels', () => {
+        const labels = join(scratch, 'labels.nii.gz');
+        const parts = nifti(mask).map((v, i) => (v > 0.5 ? (i % 20 < 9 ? 4 : 9) : 0));
+        writeWhole(mask, parts, labels);
+        const set = readVgs(coded(ct, labels, 8, '--roi-label', 'all')), field = decoded(set), [nx, ny] = set.grid!.size;
+        const { at, first, size } = shown(set.region!, (_, [x, y, z]) => {
+            const v = valueAt(set.voxels[0], x, y, z);
+            return { v, weight: Number.isNaN(v) ? 0 : 1 };
+        });
+        assert.deepEqual(set.region!.objects.map(({ number }) => number), [4, 9]);
+        everyVoxel(size, (x, y, z) => {
+            const wanted = at(x, y, z), found = ofGrid(field, x + first[0], y + first[1], z + first[2]);
+            assert.ok(Math.abs(found.o - wanted.o) < 1e-6, `O is ${found.o} and not ${wanted.o}`);
+            if (wanted.number === null) return;
+            assert.equal(found.v, wanted.v);
+            assert.equal(found.label, wanted.number);
+        });
+        everyVoxel(set.grid!.size, (x, y, z) => {
+            const { label, o } = ofGrid(field, x, y, z), part = parts[(z * ny + y) * nx + x];
+            if (part > 0) assert.ok(label === part && o > 0.5);
+        });
+    });
+
+    it('are one scene with splats, whose field it has', () => {
+        const [one, other] = [coded(ct, mask, 8), coded(whole, mask, 30)].map(readVgs);
+        const splats: SplatSet = {
+            ...read('region'), grid: one.grid, region: one.region, labels: null, kernel: 'gaussian',
+        };
+        const parts = [one, splats].map((set, i) => ({ set, numbers: [[0, i + 1]] as [number, number][] }));
+        const field = decodeSplats(parts, still), alone = decoded(one), { first, size, kinds } = one.region!;
+        // The first of equals gets the voxels.
+        let index = 0;
+        everyVoxel(size, (i, j, k) => {
+            if (!kinds[index++]) return;
+            const place = [i + first[0], j + first[1], k + first[2]] as const;
+            const found = ofGrid(field, ...place);
+            assert.deepEqual([found.v, found.label], [ofGrid(alone, ...place).v, 1]);
+        });
+        assert.equal(field.background, splats.background);
+        const both = { ...splats, voxels: other.voxels };
+        for (const [sets, word] of [[[one, both], /joined itself/], [[splats, one, read('binary')], /different/]] as const) {
+            assert.throws(() => decoded(...sets), (e) => e instanceof Refusal && word.test(e.message));
+        }
+    });
+
+    it('are read or refused, whatever their bytes are', () => {
+        const bytes = coded(whole, mask, 5), next = random(11), set = readVgs(bytes);
+        const begin = 20 + new DataView(bytes.buffer).getUint32(12, true);
+        const header = JSON.parse(new TextDecoder().decode(bytes.subarray(20, begin)));
+        const slabs = begin + header.region.bytes, [{ bytes: length }, second] = header.voxels[0].slabs;
+        /** Reads, and returns false if the file is refused. */
+        const isRead = (data: Uint8Array): boolean => {
+            try {
+                return readVgs(data).voxels[0].values.length === set.voxels[0].values.length;
+            } catch (error) {
+                assert.ok(error instanceof Refusal, `${(error as Error).stack}`);
+                return false;
+            }
+        };
+        assert.ok(isRead(bytes) && second.bytes > 0);
+        for (let at = begin; at < bytes.length; at += 9) {
+            const changed = bytes.slice();
+            changed[at] ^= 1 << (at % 8);
+            assert.ok(!isRead(changed) && !isRead(bytes.subarray(0, at)), `byte ${at}`);
+        }
+        /** The file with other bytes in its first slab. */
+        const withSlab = (slab: Uint8Array): Uint8Array => {
+            const rest = bytes.subarray(slabs + length), made = new Uint8Array(slabs + slab.length + rest.length);
+            made.set(bytes.subarray(0, slabs));
+            made.set(slab, slabs);
+            made.set(rest, slabs + slab.length);
+            return withHeader(made, (h) =>
+                Object.assign(h.voxels[0].slabs[0], { bytes: slab.length, crc32: crc32(slab) }));
+        };
+        const slab = bytes.subarray(slabs, slabs + length);
+        assert.deepEqual(withSlab(slab), withHeader(bytes, () => {}));
+        for (let end = 0; end < length - 5; end += 40) assert.ok(!isRead(withSlab(slab.subarray(0, end))));
+        for (let i = 0; i < 60; i++) {
+            const changed = slab.slice();
+            for (let k = 0; k < 3; k++) changed[Math.floor(next() ** 2 * length)] = next() * 256;
+            const file = withSlab(changed), found = isRead(file);
+            if (!found || i % 12 > 0) continue;
+            // The program reads the same, as it shows when it writes what it has read.
+            const [from, to] = ['changed', 'again'].map((name) => join(scratch, `${name}.vgs`));
+            writeFileSync(from, file);
+            vgs('convert', from, '-o', to, '-f', '-q');
+            assert.deepEqual(readVgs(new Uint8Array(readFileSync(to))).voxels, readVgs(file).voxels);
+        }
+        const lies: ((coded: any, header: any) => void)[] = [
+            (c) => (c.fit = 256), (c) => (c.fit = 3), (c) => (c.step = 0), (c) => (c.step = 2),
+            (c) => (c.step = null), (c) => (c.bound = 2 ** 24), (c) => (c.bound = -1), (c) => (c.whole = 1),
+            (c) => (c.slabs = []), (c) => c.slabs.pop(), (c) => (c.slabs = null), (c) => (c.more = 1),
+            (c) => (c.slabs[0].crc32 = 1), (c) => c.slabs[0].bytes--, (c) => (c.slabs[0].bytes = 2 ** 60),
+            (c, h) => h.voxels.push(c), (_, h) => delete h.region, (_, h) => (h.form = 'grid'),
+            (_, h) => (h.voxels = null), (_, h) => (h.voxels = []), (_, h) => (h.grid.size = [9, 9, 9]),
+            (_, h) => h.layers.push({ count: 9, bytes: 90, crc32: 1 }),
+        ];
+        for (const lie of lies) assert.ok(!isRead(withHeader(bytes, (h) => lie(h.voxels[0], h))), `${lie}`);
+        assert.ok(isRead(withHeader(bytes, (h) => Object.assign(h.voxels[0], { whole: false, step: 0.5 }))));
     });
 });
 

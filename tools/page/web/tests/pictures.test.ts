@@ -154,6 +154,20 @@ test('fits to regions that overlap', { skip }, async () => {
     ]);
 });
 
+test('coded voxels, alone and beside splats', { skip }, async () => {
+    const [ct, whole, other] = ['ct', 'whole', 'other'].map((name) => join(scratch, `${name}.nii.gz`));
+    const [coded, fitted] = ['coded', 'fitted'].map((name) => join(scratch, `${name}.vgs`));
+    vgs('phantom', '-o', join(scratch, 'none.nii.gz'), '--mask', other, '--size', '40', '--seed', '1', '-q', '-f');
+    vgs('phantom', '-o', ct, '--mask', whole, '--size', '40', '-q', '-f');
+    vgs('convert', ct, '--roi', whole, '-o', coded, '--bound', '5', '-q', '-f');
+    vgs('fit', ct, '--roi', other, '--splats', '150', '-o', fitted, '-q', '-f');
+    const cases = [{ both: ['--tf', 'CT-Bone'] }, { both: ['--tf', 'CT-Soft-Tissue', '--object-colours'] }];
+    for (const files of [coded, `${coded} ${fitted}`, `${fitted} ${coded}`]) {
+        assert.ok(written(files, []).scene.parts.every(({ kind }) => kind === 'vgs'));
+        await compare(files, cases);
+    }
+});
+
 test('planes, occlusion, gradient opacity and light', { skip }, async () => {
     const bone = ['--tf', 'CT-Bone'];
     await compare('binary.vgs', [

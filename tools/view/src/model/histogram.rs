@@ -5,6 +5,8 @@ use engine::volume::{Roi, Volume};
 
 /// Number of bins of a histogram, over its whole range.
 const BINS: usize = 512;
+/// Parts in which a coded voxel counts within its bound.
+const SPREAD: usize = 8;
 
 /// Amount of a scene by intensity, in bins of equal width.
 #[derive(Clone, Debug, PartialEq)]
@@ -28,7 +30,11 @@ impl Histogram {
             let weight = f64::from(splat.opacity()) * set.field.kernel.peak(log_scale) * volume;
             (f64::from(splat.intensity), weight)
         });
-        let rows = rows.chain(coded().map(|v| (v, voxel)));
+        // What is coded within a bound is anywhere within it.
+        let bound = set.voxels.iter().map(|voxels| voxels.precision.bound()).fold(0.0, f64::max);
+        let of_part = |k: usize| (2.0 * k as f64 + 1.0) / SPREAD as f64 - 1.0;
+        let spread = |v: f64| (0..SPREAD).map(move |k| (v + bound * of_part(k), voxel));
+        let rows = rows.chain(coded().flat_map(spread));
         if set.unit.is_physical() { Histogram::of(range_of(values())?, rows) } else { None }
     }
 
