@@ -178,7 +178,8 @@ fn show(
             Ok(viewer)
         })?,
         Content::Volume(volume) => {
-            let scene = Scene::new(gpu, None, Some(&volume.source()), &look)?;
+            let shown = volume.shown(options.decoding.edges);
+            let scene = Scene::new(gpu, None, Some(&volume.source(&shown)), &look)?;
             let viewer = Viewer::new(gpu, scene, headset, options)?;
             memory::check(gpu, arguments.memory_budget)?;
             viewer

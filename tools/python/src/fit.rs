@@ -3,6 +3,7 @@
 use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
+use engine::coded::{coded, usual_bound};
 use engine::fidelity;
 use engine::fit::evaluate::Protocol;
 use engine::fit::{
@@ -33,6 +34,19 @@ pub fn fit_settings() -> Vec<(&'static str, &'static str, String)> {
         .iter()
         .map(|field| (field.key, field.doc.trim(), defaults[field.key].to_string()))
         .collect()
+}
+
+/// Codes the region of a volume in place of splats, none of its voxels off by more than `bound`.
+#[pyfunction]
+#[pyo3(signature = (volume, roi, bound=None))]
+pub fn code(py: Python<'_>, volume: &Volume, roi: &Roi, bound: Option<f64>) -> PyResult<Splats> {
+    roi.check_on(&volume.0)?;
+    unlocked(py, || {
+        let (volume, region) = (&*volume.0, &*roi.roi);
+        let bound = bound.unwrap_or_else(|| usual_bound(volume, region));
+        coded(volume, region, roi.labels.as_deref(), bound)
+    })
+    .map(Splats::new)
 }
 
 /// Fits splats to the region of a volume. `values` is a JSON object of hyper-parameters by key; `watch`, a callable or

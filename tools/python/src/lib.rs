@@ -34,7 +34,7 @@ mod _vgs {
     #[pymodule_export]
     use super::errors::usage_error;
     #[pymodule_export]
-    use super::fit::{fit, fit_settings};
+    use super::fit::{code, fit, fit_settings};
     #[pymodule_export]
     use super::render::{compare_pictures, render, transfer_functions};
     #[pymodule_export]

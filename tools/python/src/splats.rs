@@ -143,6 +143,9 @@ impl Splats {
         let mut base =
             like.map_or_else(SplatSet::default, |like| SplatSet { splats: Vec::new(), ..(*like.0).clone() });
         arrays.check()?;
+        if arrays.means.as_array().nrows() > 0 {
+            base.voxels.clear();
+        }
         if like.is_none()
             && let Some(first) = arrays.means.as_array().outer_iter().next()
         {
@@ -275,6 +278,18 @@ impl Splats {
     #[getter]
     fn kernel(&self) -> &'static str {
         self.0.field.kernel.name()
+    }
+
+    /// Number of voxels that are coded in place of splats.
+    #[getter]
+    fn coded_count(&self) -> usize {
+        self.0.coded_count()
+    }
+
+    /// Greatest error of coded voxels; None if there are none.
+    #[getter]
+    fn bound(&self) -> Option<f64> {
+        self.0.voxels.iter().map(|voxels| voxels.precision.bound()).reduce(f64::max)
     }
 
     #[getter]

@@ -201,3 +201,21 @@ def test_errors_can_be_pickled():
     again = pickle.loads(pickle.dumps(raised.value))
     assert (again.code, again.file, again.exit_code) == (raised.value.code, "missing.ply", 66)
     assert isinstance(again, FileNotFoundError)
+
+
+def test_a_coded_region_is_within_its_bound(ct, bone, tmp_path):
+    coded = vgs.code(ct, bone, bound=20)
+    assert (coded.bound, len(coded), coded.form) == (20, 0, "region")
+    assert "coded voxels within 20 HU" in repr(coded)
+    coded.save(tmp_path / "a.vgs")
+    for again in (vgs.load(tmp_path / "a.vgs"), pickle.loads(pickle.dumps(coded))):
+        field = again.rasterize(like=ct, outside=-5000)
+        inside = np.asarray(field) > -5000
+        assert inside.sum() == coded._native.coded_count > 1000
+        assert np.abs(np.asarray(field)[inside] - np.asarray(ct)[inside]).max() <= 20.01
+    assert coded.evaluate(ct, bone).rmse_hu < 13
+    assert vgs.render(coded, size=(64, 64)).any()
+    with pytest.raises(vgs.UsageError, match="splats"):
+        coded.save(tmp_path / "a.ply")
+    with pytest.raises(vgs.UsageError, match="bound"):
+        vgs.code(ct, bone, bound=-1)

@@ -30,7 +30,7 @@ from ._errors import (
     TemporaryError,
     UsageError,
 )
-from ._fit import SETTINGS, fit
+from ._fit import SETTINGS, code, fit
 from ._render import TRANSFER_FUNCTIONS, Camera, Difference, compare, render
 from ._splats import Evaluation, SplatSet, load
 from ._volume import Roi, Volume, VolumeDifference, read
@@ -65,6 +65,7 @@ __all__ = [
     "UsageError",
     "Volume",
     "VolumeDifference",
+    "code",
     "compare",
     "devices",
     "fit",

@@ -180,6 +180,11 @@ class SplatSet:
         return self._native.form
 
     @property
+    def bound(self) -> float | None:
+        """How far a voxel that is coded in place of splats (:func:`code`) may be off; None for splats."""
+        return self._native.bound
+
+    @property
     def iterations(self) -> int | None:
         """Iterations of the fit; None if they are not known."""
         return self._native.iterations
@@ -329,6 +334,8 @@ class SplatSet:
         intensities = self.intensities
         span = f", {intensities.min():.0f} to {intensities.max():.0f}" if len(self) else ""
         unit = " HU" if self.unit == "hu" and span else ""
+        if coded := self._native.coded_count:
+            span = f", {coded:,} coded voxels within {self.bound:g}{' HU' if self.unit == 'hu' else ''}" + span
         return f"<vgs.SplatSet {len(self):,} splats{span}{unit}, {self.form}>"
 
     def _repr_png_(self) -> bytes | None:
@@ -383,7 +390,7 @@ def load(*paths: str | os.PathLike[str], volume: VolumeLike | None = None, roi: 
 
 
 def _pickled(splats: SplatSet) -> tuple[str, bytes]:
-    ending = "vgs" if splats._native.rounded else "ply"
+    ending = "vgs" if splats._native.rounded or splats.bound is not None else "ply"
     with tempfile.TemporaryDirectory() as folder:
         path = os.path.join(folder, f"splats.{ending}")
         splats.save(path)

@@ -95,7 +95,7 @@ impl LoadedData {
                 self.error = Some((splats, volume, found));
                 return failed.map_or(Ok(None), Err);
             }
-            Loaded::Written(..) | Loaded::Sorted(..) | Loaded::Several(_) => {}
+            Loaded::Edges(_) | Loaded::Written(..) | Loaded::Sorted(..) | Loaded::Several(_) => {}
             Loaded::Failed(_, error) => return Err(error),
         }
         Ok(None)
@@ -314,7 +314,10 @@ impl LoadedData {
     pub fn scene(&self, gpu: &Gpu, subject: Subject, state: &ViewState) -> Result<Option<Scene>> {
         let look = self.look(subject, state)?;
         let splats = self.set(subject);
-        let volume = self.volume.as_ref().filter(|_| subject == Subject::Volume).map(|shown| shown.source());
+        let of_volume = self.volume.as_ref().filter(|_| subject == Subject::Volume);
+        // Other edges than those of the state are better than none.
+        let shown = of_volume.map(|volume| volume.latest().unwrap_or_else(|| volume.shown(state.edges)));
+        let volume = of_volume.zip(shown.as_deref()).map(|(volume, shown)| volume.source(shown));
         if splats.is_none() && volume.is_none() {
             return Ok(None);
         }

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 use std::sync::mpsc::{Receiver, Sender, channel};
-use std::sync::{Arc, OnceLock};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Instant;
 
@@ -36,15 +36,12 @@ pub struct LoadedVolume {
     pub labels: Option<Labels>,
     /// The DICOM series that it is, as a session names it: by its UID, if one was asked for.
     pub series: Option<String>,
-    /// Volume and region with what lies between their slices, if these are thick.
-    finer: OnceLock<Option<Box<Finer>>>,
+    /// What was made last to be shown, with these edges.
+    shown: Mutex<Option<(Edges, Arc<ShownVolume>)>>,
 }
 
-/// A volume and its region as they are shown.
-struct Finer {
-    volume: Volume,
-    roi: Option<Roi>,
-}
+/// What is shown of a volume and its region, where that is something else than they are.
+pub struct ShownVolume(Option<(Volume, Option<Roi>)>);
 
 impl LoadedVolume {
     /// Creates what is shown of a volume: a region of it with its labels, and the key of its series.
@@ -55,21 +52,42 @@ impl LoadedVolume {
         series: Option<String>,
     ) -> Self {
         let size = roi.as_ref().map(|roi| RegionSize::of(roi, &volume));
-        LoadedVolume { volume, roi, size, labels, series, finer: OnceLock::new() }
+        LoadedVolume { volume, roi, size, labels, series, shown: Mutex::default() }
     }
 
-    /// Returns the volume as a scene takes it: with what lies between its slices if they are thick, and smooth edges of a
-    /// binary region. That takes seconds, so the loader's thread asks first.
-    pub fn source(&self) -> VolumeSource<'_> {
-        let finer = self.finer.get_or_init(|| {
-            let between = BetweenSlices::default();
-            match volume::shown(&self.volume, self.roi.as_ref(), between, Edges::default()) {
-                (Cow::Owned(volume), roi) => Some(Box::new(Finer { volume, roi: roi.map(Cow::into_owned) })),
-                (Cow::Borrowed(_), _) => None,
-            }
-        });
-        match finer {
-            Some(finer) => VolumeSource { volume: &finer.volume, roi: finer.roi.as_ref() },
+    /// Returns what is shown of the volume: with what lies between its slices if they are thick, and these edges of a
+    /// binary region. That takes seconds, so a thread of the loader asks first.
+    pub fn shown(&self, edges: Edges) -> Arc<ShownVolume> {
+        if let Some(shown) = self.latest().filter(|_| !self.lacks(edges)) {
+            return shown;
+        }
+        let between = BetweenSlices::default();
+        let made = match volume::shown(&self.volume, self.roi.as_ref(), between, edges) {
+            (Cow::Owned(volume), roi) => Some((volume, roi.map(Cow::into_owned))),
+            (Cow::Borrowed(_), _) => None,
+        };
+        let shown = Arc::new(ShownVolume(made));
+        *self.shown.lock().unwrap_or_else(PoisonError::into_inner) = Some((edges, Arc::clone(&shown)));
+        shown
+    }
+
+    /// Returns what was made last to be shown; `None` if nothing was.
+    pub fn latest(&self) -> Option<Arc<ShownVolume>> {
+        let shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
+        shown.as_ref().map(|(_, shown)| Arc::clone(shown))
+    }
+
+    /// Returns true if what was made last to be shown has other edges.
+    pub fn lacks(&self, edges: Edges) -> bool {
+        let shown = self.shown.lock().unwrap_or_else(PoisonError::into_inner);
+        let has_edges = self.roi.as_ref().is_some_and(|roi| !roi.soft);
+        shown.as_ref().is_none_or(|(made_for, _)| has_edges && *made_for != edges)
+    }
+
+    /// Returns what is shown of the volume as a scene takes it.
+    pub fn source<'a>(&'a self, shown: &'a ShownVolume) -> VolumeSource<'a> {
+        match &shown.0 {
+            Some((volume, roi)) => VolumeSource { volume, roi: roi.as_ref() },
             None => VolumeSource { volume: &self.volume, roi: self.roi.as_ref() },
         }
     }
@@ -87,6 +105,8 @@ pub enum Loaded {
     Counted(Arc<LoadedSplats>, Option<Histogram>, Box<Probe>),
     /// Volume.
     Volume(Arc<LoadedVolume>),
+    /// This volume can be shown with other edges.
+    Edges(Arc<LoadedVolume>),
     /// Series of a folder, of which one is to be chosen before there is a volume.
     Several(Series),
     /// Histogram of the intensities of this volume within its region.
@@ -125,6 +145,8 @@ pub struct Loader {
     preparing: Vec<JoinHandle<()>>,
 }
 
+/// The work of [`Loader::edge`].
+pub const EDGING: &str = "smoothing the edges of the volume";
 /// Error code of a folder of several series, of which none was chosen.
 const SEVERAL_SERIES: &str = "VGS-DCM-006";
 /// Turn of work whose result is wanted whatever is opened meanwhile.
@@ -252,6 +274,16 @@ impl Loader {
         let thread = self.spawn(self.turn, move |tell| {
             let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
             tell.during(what.to_owned(), || job(&mut progress));
+        });
+        self.wait_at_end_for(thread);
+    }
+
+    /// Begins to make what is shown of a volume with these edges.
+    pub fn edge(&mut self, volume: Arc<LoadedVolume>, edges: Edges) {
+        self.doing.push((EDGING.to_owned(), None));
+        let thread = self.spawn(ALWAYS, move |tell| {
+            tell.during(EDGING.to_owned(), || Ok(drop(volume.shown(edges))));
+            tell.say(Message::Loaded(Loaded::Edges(volume)));
         });
         self.wait_at_end_for(thread);
     }
@@ -420,7 +452,7 @@ impl Teller {
             }
             read => {
                 let shown = Arc::new(read?);
-                shown.source();
+                shown.shown(Edges::default());
                 Ok(Ok(shown))
             }
         };
@@ -505,6 +537,38 @@ mod tests {
 
     use super::*;
     use crate::model::region::Threshold;
+
+    #[test]
+    fn a_volume_is_shown_with_the_edges_that_are_asked_for() {
+        let (sender, woken) = channel();
+        let mut loader = Loader::new(move || sender.send(()).expect("the test listens"));
+        let phantom = engine::volume::phantom::Phantom::new([16; 3], glam::DVec3::ONE, 1);
+        let volume = Arc::new(phantom.volume());
+        let of = |roi: Option<Roi>| Arc::new(LoadedVolume::new(Arc::clone(&volume), roi, None, None));
+        let weights = |shown: &LoadedVolume| {
+            let latest = shown.latest().expect("made");
+            shown.source(&latest).roi.map(|roi| (roi.size, roi.weight.clone()))
+        };
+        let roi = phantom.roi().expect("a region");
+        let binary = of(Some(roi.clone()));
+        binary.shown(Edges::Voxel);
+        let blocks = weights(&binary);
+        assert!(!binary.lacks(Edges::Voxel) && binary.lacks(Edges::Within(1.0)));
+        loader.edge(Arc::clone(&binary), Edges::Within(1.0));
+        assert!(loader.is_doing(EDGING));
+        let mut loaded = Vec::new();
+        while loaded.is_empty() {
+            woken.recv_timeout(std::time::Duration::from_secs(20)).expect("an answer");
+            loaded.extend(loader.take());
+        }
+        assert!(matches!(&loaded[..], [Loaded::Edges(of)] if Arc::ptr_eq(of, &binary)));
+        assert!(!binary.lacks(Edges::Within(1.0)) && weights(&binary) != blocks);
+        // Nothing else depends on edges.
+        for other in [of(Some(Roi { soft: true, ..roi })), of(None)] {
+            other.shown(Edges::Voxel);
+            assert!(!other.lacks(Edges::Within(1.0)));
+        }
+    }
 
     #[test]
     fn what_is_missing_is_said_and_the_rest_is_read() {

@@ -99,6 +99,9 @@ impl Viewer {
             if self.waits_for(subject, mode) || self.lacks_edges(canvas, subject) {
                 self.decode(canvas, subject)?;
             }
+            if subject == Subject::Volume {
+                self.edge_volume();
+            }
         }
         let level = moves.then_some(level);
         let edited = edited.or(self.edited.take());

@@ -1,10 +1,13 @@
 //! The modes in which splats are shown, and what is made beside the window for them: the field that mode decoded
 //! shows, and what moves fast.
 
+use std::sync::Arc;
+
 use engine::Result;
 use engine::render::{DecodeOptions, GpuSplats, MEANWHILE, Needs, quality_levels};
 
 use super::viewer::Viewer;
+use crate::io::loader::EDGING;
 use crate::model::state::{DECODED, Subject, mode_row};
 use crate::screen::canvas::Canvas;
 
@@ -77,6 +80,16 @@ impl Viewer {
             self.loader.prepare(decoding(subject), splats.decoding(canvas.gpu(), wanted)?);
         }
         Ok(())
+    }
+
+    /// Begins to make what is shown of the volume with the edges of the state, beside the window, if that is still to
+    /// come.
+    pub(super) fn edge_volume(&mut self) {
+        let edges = self.app.state.edges;
+        let volume = self.data.volume.as_ref().filter(|volume| volume.lacks(edges));
+        if let Some(volume) = volume.filter(|_| !self.loader.is_doing(EDGING)) {
+            self.loader.edge(Arc::clone(volume), edges);
+        }
     }
 
     /// Begins to make, beside the window, the data with which the splats of a subject move faster.

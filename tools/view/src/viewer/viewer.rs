@@ -262,7 +262,7 @@ impl Viewer {
 
     /// Takes what was loaded and puts it on the device.
     pub fn take_loaded(&mut self, canvas: &mut Canvas) -> Result<()> {
-        let (mut new, mut gone) = (Vec::new(), Vec::new());
+        let (mut new, mut gone, mut edged) = (Vec::new(), Vec::new(), false);
         for loaded in self.loader.take() {
             self.data_number += 1;
             self.measuring &= !matches!(loaded, Loaded::Error(..));
@@ -327,6 +327,10 @@ impl Viewer {
                     Err(error) => self.app.report(&error),
                 }
             }
+            if let Loaded::Edges(of) = &loaded {
+                edged |= self.data.volume.as_ref().is_some_and(|volume| Arc::ptr_eq(volume, of));
+                continue;
+            }
             match self.data.take(loaded) {
                 Ok(Some(subject)) => {
                     self.remember_files(subject);
@@ -340,7 +344,11 @@ impl Viewer {
             }
         }
         // What was loaded is kept whatever happens to the device.
+        edged &= !new.contains(&Subject::Volume);
         new.into_iter().try_for_each(|subject| self.set_scene(canvas, subject))?;
+        if edged {
+            self.put_scene(canvas, Subject::Volume)?;
+        }
         self.forget(canvas, gone)?;
         self.take_fit(canvas)
     }
@@ -403,6 +411,17 @@ impl Viewer {
         if subject == Subject::Splats && self.data.waits && self.data.fitted.is_none() {
             return Ok(());
         }
+        self.put_scene(canvas, subject)?;
+        if self.fits && self.data.has(subject) {
+            self.app.fit_soon();
+            self.fits = false;
+        }
+        self.budget = self.app.state.quality.splat_budget;
+        Ok(())
+    }
+
+    /// Puts what there is of a subject on the device.
+    fn put_scene(&mut self, canvas: &mut Canvas, subject: Subject) -> Result<()> {
         let start = Instant::now();
         match self.data.scene(canvas.gpu(), subject, &self.app.state) {
             Ok(scene) => canvas.set_scene(subject, scene),
@@ -411,11 +430,6 @@ impl Viewer {
             Err(error) => self.app.report(&error),
         }
         tracing::debug!("{subject:?} on the device: {:.0} ms", start.elapsed().as_secs_f64() * 1e3);
-        if self.fits && self.data.has(subject) {
-            self.app.fit_soon();
-            self.fits = false;
-        }
-        self.budget = self.app.state.quality.splat_budget;
         self.stale |= self.app.state.shown == subject || self.app.state.split.is_some();
         Ok(())
     }
