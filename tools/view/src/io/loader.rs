@@ -282,7 +282,7 @@ impl Loader {
     pub fn edge(&mut self, volume: Arc<LoadedVolume>, edges: Edges) {
         self.doing.push((EDGING.to_owned(), None));
         let thread = self.spawn(ALWAYS, move |tell| {
-            tell.during(EDGING.to_owned(), || Ok(drop(volume.shown(edges))));
+            tell.during(EDGING.to_owned(), || Ok(volume.shown(edges)));
             tell.say(Message::Loaded(Loaded::Edges(volume)));
         });
         self.wait_at_end_for(thread);
