@@ -1,5 +1,5 @@
-//! Intensities of an object's splats, or coded voxels, and whether a transfer function shows them: what is there and cannot be
-//! seen has to be told.
+//! Intensities of an object's splats or coded voxels, and whether a transfer function shows them: what is there and
+//! cannot be seen has to be told.
 
 use base::unit::Unit;
 use splat::SplatSet;

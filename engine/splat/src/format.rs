@@ -81,7 +81,8 @@ pub struct Summary {
     pub intensity_range: Option<[f32; 2]>,
     /// The intensities that 0 and 1 of `intensity_01` stand for, if the file gives them.
     pub intensity_01_range: Option<[f32; 2]>,
-    /// Least and greatest mean, or centre of a coded voxel, along each axis, mm RAS with the origin added; absent if there are none
+    /// Least and greatest mean, or centre of a coded voxel, along each axis, mm RAS with the origin added; absent if there
+    /// are none
     /// or only a volume can place them.
     pub bounding_box_mm: Option<[[f64; 3]; 2]>,
     /// Least and greatest mean along each axis as voxel index times spacing, mm, if only a volume can place

@@ -123,10 +123,14 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         first.volume_crc32.filter(|_| others.iter().all(|(_, s)| s.volume_crc32 == first.volume_crc32));
     let form = first.form;
     let region = joined_region(&sets, &of_set)?;
-    let voxels = sets.iter().enumerate().flat_map(|(fit, (_, set))| {
-        let of_fit = move |voxels: &Voxels| Voxels { fit: fit as u8, ..voxels.clone() };
-        set.voxels.first().map(of_fit)
-    });
+    // Other objects may have taken all voxels of a set.
+    let objects = region.as_ref().map(Region::objects).unwrap_or_default();
+    let is_there = |fit: usize| objects.iter().any(|object| usize::from(object.fit) == fit);
+    let voxels = sets
+        .iter()
+        .enumerate()
+        .filter(|(fit, _)| is_there(*fit))
+        .filter_map(|(fit, (_, set))| Some(Voxels { fit: fit as u8, ..set.voxels.first()?.clone() }));
     let voxels = voxels.collect();
     let mut splats = Vec::with_capacity(labels.len());
     for (_, set) in sets {

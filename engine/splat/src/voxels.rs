@@ -79,8 +79,8 @@ pub struct Voxels {
 }
 
 impl Voxels {
-    /// Creates those of the fit 0 of a region of a grid of `size` voxels; `value` returns the intensity of each voxel of the region and its rim.
-    /// An intensity that is not finite counts as 0.
+    /// Creates those of the fit 0 of a region of a grid of `size` voxels; `value` returns the intensity of each voxel of
+    /// the region and its rim. An intensity that is not finite counts as 0.
     pub fn of(
         region: &Region,
         size: [u32; 3],

@@ -2,8 +2,8 @@
 //! say what V is in them.
 //!
 //! V of a voxel, and of those of the rim around the region, is that of the splats of one fit, since splats reach beyond
-//! the region that they were fitted to, or of its [coded voxels](splat::Voxels). Voxels that none reaches, and those farther out that interpolation needs, have V
-//! and object of the region's voxels [nearby](volume::beyond).
+//! the region that they were fitted to, or of its [coded voxels](splat::Voxels). Voxels that none reaches, and those
+//! farther out that interpolation needs, have V and object of the region's voxels [nearby](volume::beyond).
 
 use glam::{DAffine3, IVec3, UVec3};
 use rayon::prelude::*;

@@ -463,12 +463,18 @@ fn coded(header: &Header, slabs: &[Vec<&[u8]>], set: &SplatSet) -> Result<Vec<Vo
     }
     let broken = || damaged("the coded voxels cannot be read");
     let (Some(region), Some(grid)) = (&set.region, &set.grid) else { return Err(broken()) };
+    // Each takes the whole box, so a header must not ask for more of them than there are fits.
+    let has_objects = |fit: u8| region.objects().iter().any(|object| object.fit == fit);
+    let known = header.voxels.iter().all(|voxels| has_objects(voxels.fit));
+    if !known || !header.voxels.is_sorted_by(|a, b| a.fit < b.fit) {
+        return Err(broken());
+    }
     let [first, end] = region.bounds();
     let around: u64 = (0..3).map(|k| u64::from(end[k] - first[k]) + 2).product();
-    memory::require(around * HOST_BYTES_A_CODED_VOXEL, "the coded voxels")?;
-    let ascend = header.voxels.is_sorted_by(|a, b| a.fit < b.fit);
+    let boxes = around.saturating_mul(header.voxels.len() as u64);
+    memory::require(boxes.saturating_mul(HOST_BYTES_A_CODED_VOXEL), "the coded voxels")?;
     let read = header.voxels.iter().zip(slabs).map(|(voxels, slabs)| voxels.read(slabs, region, grid));
-    read.collect::<Option<Vec<_>>>().filter(|_| ascend).ok_or_else(broken)
+    read.collect::<Option<Vec<_>>>().ok_or_else(broken)
 }
 
 /// What a header states of a set.

@@ -1,5 +1,5 @@
-//! The intensities of a region's voxels as bytes: none is off by more than a bound, in the rim around the region by
-//! more than twice as much.
+//! The intensities of a region's voxels as bytes: none is off by more than a bound, and in the rim around the region
+//! none by more than twice that.
 //!
 //! A voxel is predicted from those before it, as `voxel` describes, and the difference is coded as `decisions`.
 //! What the decoder has read is what the encoder predicts from, so errors do not add up. All arithmetic is of
@@ -53,8 +53,8 @@ impl<'a> Shape<'a> {
 
 /// Returns the bytes of each slab, the lowest first; none for a slab without voxels.
 ///
-/// Codes that were decoded give the same bytes again. `codes` are those of the voxels that are not outside, x fastest. A decoded code is off by at most `bound`, in the rim by
-/// [`RIM_BOUNDS`] times that.
+/// `codes` are those of the voxels that are not outside, x fastest. A decoded code is off by at most `bound`, in the rim
+/// by [`RIM_BOUNDS`] times that; coded again it stays what it is.
 ///
 /// # Panics
 ///

@@ -132,9 +132,10 @@ pub fn run(arguments: &RasterizeArguments, console: &Console) -> std::result::Re
         }))?;
     } else {
         console.say(&format!(
-            "{}: {x} x {y} x {z} voxels, {filled} of them reached by {} splats",
+            "{}: {x} x {y} x {z} voxels, {filled} of them reached by {} {}",
             arguments.output.display(),
-            set.splats.len()
+            set.count(),
+            if set.splats.is_empty() { "coded voxels" } else { "splats" }
         ));
     }
     Ok(0)

@@ -19,10 +19,7 @@ pub struct Ready {
 
 /// Returns the splats of `set` that a look shows: without hidden objects and what its clip planes cut away.
 pub fn shown(set: &SplatSet, look: &Look) -> SplatSet {
-    match set.voxels.is_empty() {
-        true => set.of_rows(&look.shown(set)),
-        false => set.part(|number, at| look.shows(number, at)),
-    }
+    set.part(|number, at| look.shows(number, at))
 }
 
 /// Returns the splats that a look shows as a file with this name holds them: with the colours of the look in a format of

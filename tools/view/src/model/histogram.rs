@@ -18,7 +18,8 @@ pub struct Histogram {
 }
 
 impl Histogram {
-    /// Counts splats and coded voxels. A splat counts by its weight a integrated over space, which is in proportion to opacity ×
+    /// Counts splats and coded voxels. A splat counts by its weight a integrated over space, which is in proportion to
+    /// opacity ×
     /// volume. Returns `None` for splats without an intensity.
     pub fn of_splats(set: &SplatSet) -> Option<Self> {
         let voxel = set.grid.map_or(0.0, |grid| grid.world_from_voxel.matrix3.determinant().abs());

@@ -10,7 +10,7 @@ use engine::{Error, Kind};
 
 use super::arguments::ConvertArguments;
 use crate::shared::failure::Stop;
-use crate::shared::inputs::{Case, CleaningArguments, RoiArguments};
+use crate::shared::inputs::Case;
 use crate::shared::splat_files::warn_of_another_volume;
 use crate::shared::waiting::Waiting;
 
@@ -34,13 +34,7 @@ pub fn given_back(arguments: &ConvertArguments, set: SplatSet, original: &Path) 
 
 /// Returns `set` rounded to a coarse lattice and fitted again to the volume and region of the flags.
 pub fn fitted_again(arguments: &ConvertArguments, set: &SplatSet, volume: &Path) -> Result<SplatSet, Stop> {
-    let region = RoiArguments {
-        roi: arguments.roi.clone(),
-        roi_threshold: arguments.roi_threshold,
-        roi_label: arguments.roi_label.clone(),
-        cleaning: CleaningArguments::default(),
-    };
-    let (case, _) = Case::read_labelled(volume, &arguments.read, &region)?;
+    let (case, _) = Case::read_labelled(volume, &arguments.read, &arguments.region())?;
     let between_slices = between_slices_of(set, &case.volume);
     let grid = match between_slices.finer(&case.volume) {
         Some(finer) => Grid::of_voxels(finer.size(), finer.world_from_voxel()),

@@ -10,7 +10,7 @@ use engine::{Error, Kind};
 use view::model::state::{ViewState, is_session};
 
 use crate::shared::flags::{Clip, Corners, DeviceArguments, pair};
-use crate::shared::inputs::ReadArguments;
+use crate::shared::inputs::{CleaningArguments, ReadArguments, RoiArguments};
 use crate::shared::splat_files::layout;
 use crate::shared::viewing::{Background, View, degrees, zoom};
 
@@ -109,6 +109,16 @@ impl ConvertArguments {
     /// Returns true if the output has the name of a page.
     pub fn writes_page(&self) -> bool {
         self.output.extension().is_some_and(|end| PAGES.iter().any(|known| end.eq_ignore_ascii_case(known)))
+    }
+
+    /// Returns the flags of the region, as other commands have them.
+    pub fn region(&self) -> RoiArguments {
+        RoiArguments {
+            roi: self.roi.clone(),
+            roi_threshold: self.roi_threshold,
+            roi_label: self.roi_label.clone(),
+            cleaning: CleaningArguments::default(),
+        }
     }
 
     /// Fails if flags or files do not go with the output.

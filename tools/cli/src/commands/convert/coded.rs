@@ -12,7 +12,7 @@ use super::arguments::ConvertArguments;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::bytes;
-use crate::shared::inputs::{Case, CleaningArguments, RoiArguments, is_volume};
+use crate::shared::inputs::{Case, is_volume};
 use crate::shared::outputs;
 use crate::shared::waiting::Waiting;
 
@@ -37,13 +37,7 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
     arguments.check_coded()?;
     let inputs: Vec<&Path> = [Some(path), arguments.roi.as_deref()].into_iter().flatten().collect();
     outputs::check(&[output], &inputs, arguments.force)?;
-    let region = RoiArguments {
-        roi: arguments.roi.clone(),
-        roi_threshold: arguments.roi_threshold,
-        roi_label: arguments.roi_label.clone(),
-        cleaning: CleaningArguments::default(),
-    };
-    let (case, labels) = Case::read_labelled(path, &arguments.read, &region)?;
+    let (case, labels) = Case::read_labelled(path, &arguments.read, &arguments.region())?;
     let waiting = Waiting::on("coding the region");
     let wanted = arguments.bound.unwrap_or_else(|| usual_bound(&case.volume, &case.roi));
     let set = coded(&case.volume, &case.roi, labels.as_ref(), wanted).map_err(|error| error.file(path))?;

@@ -183,13 +183,13 @@ fn prepared(
     coloured: bool,
 ) -> Result<Ready, Stop> {
     let (splats, output) = (arguments.first(), &arguments.output);
-    let as_it_is = saving::shown(set, look).count() == set.count();
     let ready = if coloured {
         let gpu = arguments.device.boot()?;
         let _waiting = Waiting::on("finding the colours of the splats");
         saving::ready(&gpu, set, look, output, arguments.tf.is_some()).map_err(|error| error.file(splats))?
     } else {
-        Ready { set: if as_it_is { set.clone() } else { saving::shown(set, look) }, made_of: None, hidden: 0 }
+        let part = saving::shown(set, look);
+        Ready { set: if part.count() == set.count() { set.clone() } else { part }, made_of: None, hidden: 0 }
     };
     if !ready.set.is_empty() {
         return Ok(ready);

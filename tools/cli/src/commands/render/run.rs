@@ -81,6 +81,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let mut row = arguments.mode_row()?;
     // If the volume is rendered, the splats would enlarge the view for nothing.
     let set = if row.of_splats { Some(arguments.read_splats()?) } else { None };
+    arguments.check_mode(row, set.as_ref())?;
     let kind = set.as_ref().map(SplatKind::of);
     if let Some(kind) = kind {
         if arguments.mode.is_none() {
@@ -93,7 +94,6 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
             tracing::warn!("{why}: mode {} shows something else; leave --mode out", row.name);
         }
     }
-    arguments.check_mode(row, set.as_ref())?;
     let wants_volume = set.is_none();
     if arguments.error {
         row = arguments.error_row(row, set.as_ref())?;
