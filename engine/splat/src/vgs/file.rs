@@ -370,7 +370,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
     let Frame { field, form: (form, form_name), affine, grid } = stated(&header)?;
     let lattice = Lattice::new(header.steps).ok_or_else(|| damaged("a step is out of range"))?;
     let mut models = Models::new(&header.ranges).ok_or_else(|| damaged("a range is out of range"))?;
-    if header.cells.side_log2.abs() > 200 {
+    if header.cells.side_log2.unsigned_abs() > 200 {
         return Err(damaged("the cells are out of range"));
     }
     let mut take = |part: &Part| {
