@@ -5,9 +5,8 @@ use std::cmp::Ordering;
 
 use engine::Result;
 use engine::render::{ClipPlane, Look, PLANES, UsualLook};
-use engine::splat::Object;
 use engine::transfer::{PRESETS, load};
-use engine::unit::Unit;
+use engine::volume::edges::Edges;
 use glam::DVec3;
 use view::model::history::History;
 use view::model::state::{self, Clip, Edited, InHeadset, MOST_PLANES, ViewState};
@@ -16,6 +15,7 @@ use view::model::transfer::Transfer;
 use crate::feedback::{Feedback, GRAB, SNAP};
 use crate::headset::{HOLDS, Hand, Hands, Pose};
 use crate::placement::Placement;
+use crate::start::{Start, standing};
 
 /// Largest deflection of a thumbstick that counts as rest.
 const RESTS: f64 = 0.15;
@@ -69,6 +69,8 @@ pub struct Controls {
     pub range: [f64; 2],
     /// Text behind an intensity: " HU", or nothing.
     pub unit: &'static str,
+    /// True if what is shown has a binary region, whose edges can be smooth.
+    pub has_region: bool,
     /// What the user is to be told of this frame.
     pub feedback: Feedback,
     /// True while something on the panel is dragged: all that it changes is one step of the history.
@@ -86,8 +88,8 @@ pub struct Controls {
     held_for: Option<f64>,
     /// The transfer function before it was moved.
     base: Transfer,
-    /// Objects and clip planes as they were at the start.
-    first: (Vec<state::Object>, Clip),
+    /// Objects, clip planes and edges as they were at the start.
+    first: (Vec<state::Object>, Clip, Edges),
     history: History<Step>,
     resets: usize,
     /// Placements before each of these resets.
@@ -101,58 +103,16 @@ pub struct Controls {
     shown: Shown,
 }
 
-/// The view of a scene to begin with.
-#[derive(Clone, Debug)]
-pub struct Start {
-    /// What is shown of the scene, and how.
-    pub state: ViewState,
-    /// The scene's numbers of the rows of [`ViewState::objects`].
-    pub numbers: Vec<u8>,
-    /// Least and greatest intensity of the scene.
-    pub range: [f64; 2],
-    /// Text behind an intensity: " HU", or nothing.
-    pub unit: &'static str,
-}
-
-/// Returns the view that a scene of these objects, with intensities in `range`, HU, has with a look.
-pub fn view_of(look: &Look, objects: &[Object], range: [f64; 2]) -> Start {
-    let mut state = ViewState::new(&look.transfer);
-    let row = |object: &Object| {
-        let row = state::Object::new(0, Some(object.number), &object.name);
-        match look.objects.get(&object.number) {
-            None => row,
-            Some(seen) => state::Object {
-                visible: seen.visible,
-                tint: seen.tint.map(|colour| DVec3::from_array(colour.map(f64::from))),
-                opacity: f64::from(seen.opacity),
-                ..row
-            },
-        }
-    };
-    state.objects = objects.iter().map(row).collect();
-    state.clip.planes = look.clip.iter().map(standing).collect();
-    Start {
-        state,
-        numbers: objects.iter().map(|object| object.number).collect(),
-        range,
-        unit: Unit::Hu.text(),
-    }
-}
-
-/// Returns a plane that stands in the patient.
-fn standing(plane: &ClipPlane) -> state::Plane {
-    state::Plane { on: true, normal: plane.normal, offset_mm: plane.offset }
-}
-
 impl Controls {
     /// Creates the controls of a scene, with the view to begin with.
     pub fn new(placement: Placement, start: Start) -> Self {
-        let Start { state, numbers, range, unit } = start;
+        let Start { state, numbers, range, unit, has_region } = start;
         let (base, resets) = (state.transfer.clone(), 0);
         Controls {
             placement,
             range,
             unit,
+            has_region,
             feedback: Feedback::default(),
             dragging: false,
             home: placement,
@@ -162,7 +122,7 @@ impl Controls {
             next: Default::default(),
             other: Default::default(),
             held_for: None,
-            first: (state.objects.clone(), state.clip.clone()),
+            first: (state.objects.clone(), state.clip.clone(), state.edges),
             history: History::new(Step { edited: state.edited(), base: base.clone(), resets }),
             resets,
             before: Vec::new(),
@@ -325,13 +285,14 @@ impl Controls {
     /// Puts everything back: the patient where it stood, the last preset as it was chosen, objects and planes
     /// as at the start. It can be undone.
     pub fn reset(&mut self) {
-        let (mut objects, clip) = self.first.clone();
+        let (mut objects, clip, edges) = self.first.clone();
         // A function that the user has chosen for all of them stays, too.
         if !UsualLook::has_function(&self.base.name) {
             objects.iter_mut().filter(|object| object.has_usual_function()).for_each(|o| o.transfer = None);
         }
-        let there = (&self.placement, &self.state.transfer, &self.state.objects, &self.state.clip);
-        if there == (&self.home, &self.base, &objects, &clip) && !self.cutting {
+        let ViewState { transfer, objects: there, clip: planes, edges: now, .. } = &self.state;
+        let there = (&self.placement, transfer, there, planes, now);
+        if there == (&self.home, &self.base, &objects, &clip, &edges) && !self.cutting {
             self.feedback.say("Everything is as at the start");
             return;
         }
@@ -340,6 +301,7 @@ impl Controls {
         self.resets += 1;
         self.placement = self.home;
         (self.state.transfer, self.state.objects, self.state.clip) = (self.base.clone(), objects, clip);
+        self.state.edges = edges;
         self.cutting = false;
         self.feedback.say("Everything is put back; undo brings it again");
     }
@@ -437,12 +399,15 @@ impl Controls {
 
 #[cfg(test)]
 mod tests {
+    use engine::splat::Object;
     use engine::transfer::preset;
+    use engine::unit::Unit;
     use glam::{DQuat, DVec2};
 
     use crate::headset::Pulse;
 
     use super::*;
+    use crate::start::view_of;
 
     const FRAME: f64 = 1.0 / 72.0;
 
@@ -524,7 +489,13 @@ mod tests {
         c.state.take_usual_look(&usual);
         let mut c = Controls::new(
             c.placement,
-            Start { state: c.state, numbers: vec![3, 7], range: [-1000.0, 2000.0], unit: " HU" },
+            Start {
+                state: c.state,
+                numbers: vec![3, 7],
+                range: [-1000.0, 2000.0],
+                unit: " HU",
+                has_region: false,
+            },
         );
         let own = |c: &Controls| c.look().expect("a look").functions.len();
         assert_eq!(own(&c), 2);

@@ -10,7 +10,7 @@ use view::model::deletions::Deletion;
 use view::model::state::{Files, SplatMode, Subject, ViewState, is_session};
 use view::model::transfer::Transfer;
 
-use crate::controls::Start;
+use crate::start::Start;
 
 /// What the user wants to see.
 #[derive(Clone, Debug, Default)]
@@ -131,7 +131,11 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
         Content::Volume(_) => Vec::new(),
     };
     state.change_objects(&there, &numbers, range, &wanted.objects)?;
-    Ok((content, Start { state, numbers, range, unit: unit.text() }))
+    let has_region = match &content {
+        Content::Splats(splats) => splats.set.region.is_some(),
+        Content::Volume(volume) => volume.roi.as_ref().is_some_and(|roi| !roi.soft),
+    };
+    Ok((content, Start { state, numbers, range, unit: unit.text(), has_region }))
 }
 
 fn nothing(help: &str) -> Error {
@@ -147,9 +151,9 @@ pub fn left(splats: LoadedSplats, deleted: &[Deletion]) -> Result<LoadedSplats> 
         return Ok(splats);
     }
     let left = splats.without(deleted);
-    match left.set.splats.len() {
-        0 => Err(nothing("all splats of the session are deleted: restore some in `vgs view`")),
-        _ => Ok(left),
+    match left.set.is_empty() {
+        true => Err(nothing("all splats of the session are deleted: restore some in `vgs view`")),
+        false => Ok(left),
     }
 }
 

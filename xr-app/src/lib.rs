@@ -6,14 +6,14 @@
 //! android -> program -> arguments -> mirror -> onlooker          arguments, android -> headset
 //! program -> viewer -> placement -> headset          program -> memory, pointing, statistics
 //! program -> loading -> viewer, headset          viewer -> keeping          program -> keeping
-//! program, arguments -> inputs -> controls
+//! program, arguments -> inputs -> start          program, viewer, controls -> start
 //! viewer -> bodies, controls, pointing, sight, composer, statistics, onlooker          viewer, bodies -> rods          bodies -> headset
 //! pointing -> controls -> placement -> headset          pointing -> outline, palm          pointing -> marks -> panel, sheets
 //! viewer, pointing, controls -> feedback -> headset          panel -> card
 //! composer -> sight, sheets, rods -> placement -> headset          sheets, rods -> eye_drawing -> headset
 //! statistics -> placement -> headset          palm -> headset
 //! program    reads what is shown, starts a headset, shows it until the session ends
-//! inputs     what is shown: splats, a volume or a session
+//! inputs     what is shown: splats, a volume or a session; `start` is the view to begin with
 //! android    the same as an activity of a standalone headset
 //! viewer     the loop: a frame of the headset, from its hands to its pictures
 //! headset    a clock, eyes, hands and pictures, of OpenXR or simulated
@@ -62,6 +62,7 @@ mod program;
 pub mod rods;
 pub mod sheets;
 pub mod sight;
+pub mod start;
 pub mod statistics;
 pub mod viewer;
 

@@ -295,6 +295,10 @@ fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, re
         panels::objects::show(ui, state, info, None);
         ui.separator();
         panels::light::response(ui, state);
+        if info.has_region {
+            ui.separator();
+            panels::edges::show(ui, state);
+        }
     });
     requests.extend(actions.into_iter().map(Request::Action));
 }

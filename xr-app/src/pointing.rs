@@ -427,6 +427,7 @@ impl Pointing {
         let info = PanelInfo {
             range: controls.range,
             unit: controls.unit,
+            has_region: controls.has_region,
             object_splats: &self.object_splats,
             object_intensities: pick.map_or(&[], |pick| &pick.intensities),
             splat_histogram: pick.and_then(|pick| pick.histogram.as_ref()),

@@ -14,7 +14,6 @@ use view::model::settings::Settings;
 use view::model::state::ViewState;
 
 use crate::arguments::{Card, HeadsetArguments};
-use crate::controls::Start;
 use crate::headset::openxr::{OpenXr, OpenXrOptions};
 use crate::headset::simulated::{OFFERED, Script, Simulated, rest};
 use crate::headset::{Description, Headset};
@@ -26,6 +25,7 @@ use crate::memory;
 use crate::mirror::Opened;
 use crate::onlooker::Onlooker;
 use crate::pointing::PickData;
+use crate::start::Start;
 use crate::statistics::SessionReport;
 use crate::viewer::{Options, Viewer};
 
@@ -180,8 +180,9 @@ fn show(
         Content::Volume(volume) => {
             let shown = volume.shown(options.decoding.edges);
             let scene = Scene::new(gpu, None, Some(&volume.source(&shown)), &look)?;
-            let viewer = Viewer::new(gpu, scene, headset, options)?;
+            let mut viewer = Viewer::new(gpu, scene, headset, options)?;
             memory::check(gpu, arguments.memory_budget)?;
+            viewer.set_volume(volume);
             viewer
         }
     };

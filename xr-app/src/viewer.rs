@@ -8,11 +8,13 @@ use engine::Result;
 use engine::budget::{Controller, budget_ms};
 use engine::gpu::{Format, Gpu, Hitches, Image};
 use engine::render::{DecodeOptions, Fov, Frames, QualityLevel, Scene, Settings, Triangle, level_costs};
+use engine::volume::edges::Edges;
 use glam::DVec3;
+use view::io::loader::LoadedVolume;
 
 use crate::bodies;
 use crate::composer::Composer;
-use crate::controls::{Controls, Start, view_of};
+use crate::controls::Controls;
 use crate::feedback::Feedback;
 use crate::headset::{Blend, Event, Eye, FrameImages, Headset, Pose, SessionState, Timing};
 use crate::keeping::Keeper;
@@ -21,6 +23,7 @@ use crate::placement::Placement;
 use crate::pointing::{PickData, Pointing};
 use crate::rods::{Rod, Rods};
 use crate::sight::Sight;
+use crate::start::{Start, view_of};
 use crate::statistics::{SessionReport, Statistics};
 
 /// Options of the view.
@@ -79,6 +82,8 @@ const IDLE: Duration = Duration::from_millis(10);
 /// Frames that show words before a scene is made ready, and the time that is waited for them.
 const WORDS_FRAMES: u32 = 3;
 const WORDS_TIME: Duration = Duration::from_secs(1);
+/// Words while other edges are made.
+const EDGING: &str = "Making the edges …";
 
 /// Shows a scene in a headset.
 pub struct Viewer {
@@ -112,6 +117,10 @@ pub struct Viewer {
     before: Hitches,
     /// What keeps the session, if anything does.
     keeper: Option<Keeper>,
+    /// The volume that is shown, where it is no splats.
+    volume: Option<LoadedVolume>,
+    /// Edges that are shown.
+    edges: Edges,
 }
 
 impl Viewer {
@@ -125,6 +134,7 @@ impl Viewer {
         let foveated = sight.insets().is_some();
         let composer =
             Composer::new(gpu, about.format, about.depth, about.blend, options.background, foveated)?;
+        let edges = options.decoding.edges;
         let budget = options.budget_ms.unwrap_or_else(|| budget_ms(about.rate_hz.unwrap_or(72.0)));
         let start = options.start.clone().unwrap_or_else(|| {
             let range = scene.splats.as_ref().map_or([0.0, 1.0], |splats| splats.range);
@@ -155,6 +165,8 @@ impl Viewer {
             is_draft: false,
             before: Hitches::default(),
             keeper: None,
+            volume: None,
+            edges,
             scene,
         };
         viewer.warm_up()?;
@@ -165,6 +177,11 @@ impl Viewer {
     /// Sets the data for picking, without which hands read and measure nothing.
     pub fn set_pick_data(&mut self, pick: PickData) {
         self.pointing.set_pick_data(pick);
+    }
+
+    /// Sets the volume of which the scene's was made, without which its edges stay as they are.
+    pub fn set_volume(&mut self, volume: LoadedVolume) {
+        self.volume = Some(volume);
     }
 
     /// Adds an onlooker who is shown what the eyes see, too, and who ends the session by leaving.
@@ -228,7 +245,10 @@ impl Viewer {
                     let timing = headset.wait()?;
                     headset.end(&timing, None)?;
                 }
-                true => self.frame(headset)?,
+                true => {
+                    self.frame(headset)?;
+                    self.follow_edges(headset)?;
+                }
                 false if self.over => {}
                 false => std::thread::sleep(IDLE),
             }
@@ -256,6 +276,34 @@ impl Viewer {
         }
         self.gpu.wait_idle()?;
         Ok(self.over)
+    }
+
+    /// Makes what is shown with the edges of the state, if it has others and nothing on the panel is dragged any more. A
+    /// runtime shows the last frame until the next one; frames meanwhile would use the device's queue beside what is
+    /// made, which Vulkan forbids.
+    fn follow_edges(&mut self, headset: &mut dyn Headset) -> Result<()> {
+        let wanted = self.controls.state.edges;
+        if wanted == self.edges || self.controls.dragging || !self.controls.has_region {
+            return Ok(());
+        }
+        // Others are not tried again before they change.
+        self.edges = wanted;
+        self.over |= self.show_words(headset, EDGING)?;
+        match self.make_edges(wanted) {
+            Ok(()) => self.frames.renew(&self.scene),
+            Err(error) => self.controls.feedback.say(format!("The edges stay: {}", error.message)),
+        }
+        Ok(())
+    }
+
+    fn make_edges(&mut self, edges: Edges) -> Result<()> {
+        let decoding = DecodeOptions { edges, ..self.options.decoding };
+        if let Some(splats) = &self.scene.splats {
+            splats.decoding(&self.gpu, decoding)?(&mut |_| ())?;
+        } else if let Some(volume) = &self.volume {
+            self.scene.set_volume(&volume.source(&volume.shown(edges)))?;
+        }
+        Ok(())
     }
 
     fn handle_event(&mut self, event: Event) {

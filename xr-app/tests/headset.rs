@@ -3,6 +3,7 @@
 
 mod compositor;
 mod depth;
+mod edges;
 mod film_headset;
 mod foveation;
 mod hands;

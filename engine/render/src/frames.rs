@@ -124,6 +124,11 @@ impl Frames {
         Ok(())
     }
 
+    /// Shows what the scene's splats were decoded to last, from the next frame on.
+    pub fn renew(&mut self, scene: &Scene) {
+        self.modes.iter_mut().for_each(|mode| mode.renew(scene));
+    }
+
     /// Starts a frame and records its rendering.
     pub fn begin(&mut self, scene: &Scene, level: usize) -> Result<Frame> {
         let slot = self.next;

@@ -270,11 +270,14 @@ impl GpuSplats {
         if !self.has_decoded(options) {
             self.decoding(gpu, options)?(&mut |_| ())?;
         }
+        self.decoded_last()
+            .ok_or_else(|| Error::new(Kind::Internal, "VGS-RENDER-026", "a decoded field is lost"))
+    }
+
+    /// Returns the field that was decoded last; `None` if none was.
+    pub(super) fn decoded_last(&self) -> Option<Arc<GpuVolume>> {
         let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
-        match &*place {
-            Some((_, made)) => Ok(Arc::clone(made)),
-            None => Err(Error::new(Kind::Internal, "VGS-RENDER-026", "a decoded field is lost")),
-        }
+        place.as_ref().map(|(_, made)| Arc::clone(made))
     }
 
     /// Returns true if mode decoded can begin at once.

@@ -27,6 +27,9 @@ pub trait Mode {
         Ok(())
     }
 
+    /// Takes what the scene's splats were decoded to last in place of what they were before, from the next frame on.
+    fn renew(&mut self, _scene: &Scene) {}
+
     /// Grows the buffers that the last finished frame found too small. Returns true if the frame must be
     /// rendered again.
     fn settle(&mut self) -> Result<bool> {

@@ -286,6 +286,12 @@ impl Mode for Raymarch {
         Ok(())
     }
 
+    fn renew(&mut self, scene: &Scene) {
+        if self.decoded.is_some() {
+            self.decoded = scene.expect_splats().decoded_last().or(self.decoded.take());
+        }
+    }
+
     fn work(&self) -> Result<Work> {
         Ok(Work { image_bytes: self.image_bytes, ..Work::default() })
     }

@@ -58,6 +58,12 @@ impl Scene {
         Ok(scene)
     }
 
+    /// Shows another volume, which lies where that before did, from the next frame on.
+    pub fn set_volume(&mut self, volume: &VolumeSource<'_>) -> Result<()> {
+        self.volume = Some(GpuVolume::new(&self.gpu, volume, self.origin)?);
+        Ok(())
+    }
+
     /// Changes how the scene is seen, from the next frame on: what is in flight shows the look that it was begun with.
     /// Nothing is waited for, and memory is allocated only if more functions are shown than ever before.
     pub fn set_look(&mut self, look: &Look) -> Result<()> {

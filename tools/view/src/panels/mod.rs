@@ -7,6 +7,7 @@
 //! | `objects`, `transfer`, `quality`, `camera`, `clip`, `measure` | the sections at the side |
 //! | `error` | the section of the error against the volume |
 //! | `light` | where light comes from, and how surfaces respond to it |
+//! | `edges` | how the edges of a binary region are shown |
 //! | `fit` | the section that fits splats to a region of the volume |
 //! | `slices` | the slices beside the picture |
 //! | `welcome`, `notice`, `messages`, `keys`, `overlay` | over the picture: nothing open, a question, messages, keys, frame times |
@@ -21,6 +22,7 @@
 pub mod annotations;
 pub mod camera;
 pub mod clip;
+pub mod edges;
 pub mod editor;
 pub mod error;
 pub mod fit;

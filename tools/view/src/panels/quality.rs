@@ -2,15 +2,13 @@
 
 use egui::{DragValue, Slider, Ui};
 use engine::render::{Needs, SplatKind, StepOf};
-use engine::volume::edges::Edges;
 
+use super::edges;
 use super::widgets::{explained, row};
 use crate::model::actions::Action;
 use crate::model::panel_info::PanelInfo;
 use crate::model::state::{self, SplatMode, Subject, ViewState};
 
-/// Farthest that edges may move, mm.
-const MOST_MM: f64 = 5.0;
 /// Least and greatest step that the slider gives.
 const STEPS: [f64; 2] = [0.05, 4.0];
 
@@ -37,7 +35,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &
     });
     mode_row(ui, state, info);
     if info.has_region {
-        edges_row(ui, state);
+        edges::show(ui, state);
     }
     step_row(ui, state, info);
     budget_row(ui, state, info);
@@ -75,28 +73,6 @@ fn mode_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
             }
         }),
     }
-}
-
-/// Shows how far the edges of binary regions may move, and changes it.
-fn edges_row(ui: &mut Ui, state: &mut ViewState) {
-    row(ui, "Edges", "how the edges of a binary mask are shown", |ui| {
-        let is_smooth = state.edges != Edges::Voxel;
-        let blocks =
-            ui.selectable_label(!is_smooth, "Blocks").on_hover_text("as the mask has them, voxel by voxel");
-        let smooth = ui.selectable_label(is_smooth, "Smooth").on_hover_text(
-            "at 0 mm every voxel stays inside or outside; more takes away stairs of a coarse mask",
-        );
-        if blocks.clicked() {
-            state.edges = Edges::Voxel;
-        }
-        if smooth.clicked() && !is_smooth {
-            state.edges = Edges::default();
-        }
-        if let Edges::Within(mm) = &mut state.edges {
-            ui.add(DragValue::new(mm).range(0.0..=MOST_MM).speed(0.02).suffix(" mm").fixed_decimals(1))
-                .on_hover_text("drag: how far edges may move to be smooth");
-        }
-    });
 }
 
 /// Shows the distance of samples along a ray, in the unit of what is rendered, if that has such steps.
