@@ -87,6 +87,21 @@ fn trials_have_the_same_answer_twice_and_end_when_they_are_told_to() {
     assert_eq!(count(&mut |_| ControlFlow::Break(())).1, 1, "told to end at once");
 }
 
+/// Of the same splats, those that aim at an error of nearly all voxels have fewer large ones.
+#[test]
+fn a_fit_that_aims_at_nearly_all_voxels_spares_few() {
+    let gpu = Device::boot();
+    let goal = Goal { psnr_db: Some(0.0), p99_hu: None, range: [-1024.0, 3071.0], threshold: 0.0 };
+    let p99 = |target_hu: f32| {
+        let case = case(FitConfig { target_hu, splats: 200, ..FitConfig::default() });
+        let splats = case.fit(&gpu).splats().expect("splats");
+        let problem = Problem::new(&case.volume, &case.roi, &case.config).expect("a problem");
+        problem.at_voxels(&gpu, &goal, &splats).expect("figures").p99_hu
+    };
+    let (plain, aimed) = (p99(0.0), p99(60.0));
+    assert!(aimed < 0.95 * plain, "99 % within {aimed} HU; {plain} without an aim");
+}
+
 #[test]
 fn a_number_is_changed_in_both_directions() {
     let gpu = Device::boot();

@@ -18,7 +18,7 @@ use splat::{Group, Rounding, Splat, SplatSet};
 /// The order of the groups.
 const ORDER: [Group; 4] = [Group::Shape, Group::Mean, Group::Opacity, Group::Intensity];
 /// Iterations between the rounding of one group and of the next.
-const ITERATIONS: u32 = 80;
+const ITERATIONS: u32 = 30;
 /// First learning rates after a rounding, as a share of those of a fit.
 const RATES: f32 = 0.35;
 

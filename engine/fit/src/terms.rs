@@ -1,9 +1,9 @@
 //! The loss terms of a fit with their weights. The objective is a sum over samples, which suits Adam and f32:
 //! only the ratio of the terms counts. With |ROI| the sum of the ROI's weights it is
 //!
-//! L = λ_ct/2 Σ m (V̂ - V)² + |ROI|/2 (λ_mask L_mask + λ_leak L_leak) + λ_occ/2 Σ max(|O - M| - τ, 0)².
+//! L = λ_ct/2 Σ m ((V̂ - V)² + t(V̂ - V)) + |ROI|/2 (λ_mask L_mask + λ_leak L_leak) + λ_occ/2 Σ max(|O - M| - τ, 0)².
 //!
-//! τ is the tolerance of a fit for the grid of a binary mask, and 0 in others.
+//! t is the tail of a fit that aims at an error of nearly all voxels (`loss_tail`), and 0 in others. τ is the tolerance of a fit for the grid of a binary mask, and 0 in others.
 //!
 //! Without the last sum this is |ROI|/2 times the paper's equation (3) with the mean squared error as L_ct.
 
@@ -12,8 +12,11 @@ use shaders_glsl::types::Target;
 use super::config::{FitConfig, row};
 use super::targets::Scaling;
 use base::error::Result;
-use passes::loss::{DICE, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, Weighted};
+use passes::loss::{DICE, INTENSITY_DICE, INTENSITY_KL, KL, LEAK, MSE, OCCUPANCY, SQUARE, TAIL, Weighted};
 use volume::Roi;
+
+/// Where a fit aims at an error of nearly all voxels, this part of it is s of the tail.
+const TAIL_FROM: f32 = 0.5;
 
 /// A way to compare masks or intensities, as a configuration names it.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -123,6 +126,10 @@ pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside
     let of_mse = if intensity.term == MSE { config.mse_weight } else { 0.0 };
     let rim = if config.has_rim(roi) { config.rim_weight } else { 0.0 };
     let mut terms = vec![Weighted { region: hard, parameter: rim, ..term(MSE, of_mse) }];
+    if of_mse > 0.0 && config.target_hu > 0.0 {
+        let parameter = TAIL_FROM * config.target_hu / scaling.unit;
+        terms.push(Weighted { region: hard, parameter, ..term(TAIL, of_mse) });
+    }
     let weight = config.occupancy_weight(roi);
     if weight > 0.0 {
         let tolerance = if config.is_classified(roi) { config.occupancy_tolerance } else { 0.0 };
@@ -184,6 +191,8 @@ mod tests {
             list(&all, 5.0),
             [(MSE, 2.0), (OCCUPANCY, 3.0), (DICE, 4.0 * 2.5), (LEAK, 6.0 * 2.5 / 5.0)]
         );
+        let aims = FitConfig { target_hu: 30.0, mse_weight: 2.0, ..none.clone() };
+        assert_eq!(list(&aims, 5.0), [(MSE, 2.0), (TAIL, 2.0)]);
         assert_eq!(list(&all, 0.0)[3], (LEAK, 0.0), "nothing outside, nothing to leak into");
         for one in [
             FitConfig { occupancy_weight: 1.0, form: FitForm::Field, ..none.clone() },

@@ -12,7 +12,7 @@
 //! | `bin` | `splat_bounds`, `emit_pairs`, `pair_masks`, `cell_masks` | which splats reach which samples of a fit |
 //! | `rasterize` | `splat_to_volume` | rasterization, from splats to samples |
 //! | `sample`, `visit` | | the field at voxels, in HU; at all that splats reach |
-//! | `loss` | `loss_dice`, `loss_kl`, `loss_leak`, `loss_mse`, `loss_occupancy`, `loss_square` | its terms |
+//! | `loss` | `loss_dice`, `loss_kl`, `loss_leak`, `loss_mse`, `loss_occupancy`, `loss_square`, `loss_tail` | its terms |
 //! | `overlap` | `overlap_sums`, `sum_triples` | the sums over all samples that a Dice loss needs first |
 //! | `gradient` | `splat_to_volume_grad`, `moments_to_grad` | the backward pass |
 //! | `adam` | `adam` | the optimiser |

@@ -42,6 +42,7 @@ pub const TERMS: &[Term] = &[
     Term { name: "kl", shader: &glsl::LOSS_KL, overlap: false, quantity: Some(MASKS) },
     Term { name: "intensity dice", shader: &glsl::LOSS_DICE, overlap: true, quantity: Some(INTENSITIES) },
     Term { name: "intensity kl", shader: &glsl::LOSS_KL, overlap: false, quantity: Some(INTENSITIES) },
+    Term { name: "tail", shader: &glsl::LOSS_TAIL, overlap: false, quantity: None },
 ];
 
 /// Row of the squared intensity error.
@@ -60,6 +61,8 @@ pub const KL: usize = 5;
 pub const INTENSITY_DICE: usize = 6;
 /// Row of the divergence of the intensity.
 pub const INTENSITY_KL: usize = 7;
+/// Row of what large intensity errors weigh besides.
+pub const TAIL: usize = 8;
 
 /// A term with its λ and its parameter.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -315,6 +318,7 @@ mod tests {
             (KL, "kl"),
             (INTENSITY_DICE, "intensity dice"),
             (INTENSITY_KL, "intensity kl"),
+            (TAIL, "tail"),
         ];
         for (row, name) in rows {
             assert_eq!(TERMS[row].name, name);

@@ -3,7 +3,7 @@
 
 usage: rate-distortion.py DATA OUT.csv [CASE...]     adds rows; VGS is the command that runs vgs (tools/vgs)
        rate-distortion.py --plot OUT.csv OUT.svg
-       rate-distortion.py --coded DATA OUT.csv       the rows of the coder of the region anew
+       rate-distortion.py --coded|--splats DATA OUT.csv   the rows of the coder of the region, or of splats, anew
 
 It needs numpy scipy nibabel h5py hdf5plugin imagecodecs matplotlib
 
@@ -26,7 +26,7 @@ CASES = {
     "heart": ("ct-thorax-1p5mm/ct", "ct-thorax-1p5mm/mask_heart", [0.0125, 0.025, 0.05, 0.1]),
     "skull": ("ct-skull/ct", "ct-skull/mask_skull", [0.00625, 0.0125, 0.025, 0.05]),
     "abdomen bones": ("ct-abdomen-full/ct", "ct-abdomen-full/mask_bones", [0.00625, 0.0125, 0.025, 0.05, 0.1]),
-    "engine": ("engine/volume", None, [0.003125]),
+    "engine": ("engine/volume", None, [0.0015625, 0.003125]),
 }
 
 LINES = {
@@ -116,7 +116,6 @@ def run(*arguments):
 
 def measure(name, data, write):
     ct, region, volume, mask, corner, box = read_case(name, data)
-    densities = CASES[name][2]
     span = float(volume.max() - volume.min())
     inside = mask[corner]
     alone = np.ascontiguousarray(volume[corner][inside])
@@ -149,15 +148,22 @@ def measure(name, data, write):
         codec("JPEG XL", distance, by_slices(box, encode, imagecodecs.jpegxl_decode))
     for of_bound in coded_rows(name, of_engine, span, inside.all()):
         write(of_bound)
+    for fitted in splat_rows(name, ct, region, voxels, of_mask):
+        write(fitted)
+
+
+def splat_rows(name, ct, region, voxels, of_mask):
+    """Returns rows of fits, in .vgs and as a PLY."""
     with tempfile.TemporaryDirectory() as scratch:
-        for density in densities:
-            ply, small = f"{scratch}/a.ply", f"{scratch}/a.vgs"
-            fit = ["fit", ct, *region, "--density", density, "--between-slices", "linear", "--no-eval", "-q", "--force"]
-            run(*fit, "-o", ply)
-            run(*fit, "-o", small)
-            for method, path in (("splats, PLY", ply), ("splats, .vgs", small)):
+        for density in CASES[name][2]:
+            for method, ending in (("splats, PLY", "ply"), ("splats, .vgs", "vgs")):
+                path = f"{scratch}/a.{ending}"
+                run("fit", ct, *region, "--density", density, "--between-slices", "linear", "--no-eval", "-q", "--force",
+                    "-o", path)
                 found = json.loads(run("eval", path, ct, *region, "--offsets", 0, "--json"))
-                row(method, found["splats"], os.path.getsize(path), found["psnr_db"])
+                size = os.path.getsize(path)
+                yield dict(case=name, voxels=voxels, method=method, setting=found["splats"], bytes=size,
+                           bytes_a_voxel=size / voxels, psnr_db=found["psnr_db"], mask_bytes=of_mask)
 
 
 def read_case(name, data):
@@ -174,21 +180,30 @@ def read_case(name, data):
     return ct, region, volume, mask, corner, box
 
 
-def code_anew(data, table):
-    """Replaces the rows of the coder of the region."""
+def anew(data, table, methods, rows_of):
+    """Replaces the rows of some methods."""
     with open(table, newline="") as file:
         rows = list(csv.DictReader(file))
     fields = list(rows[0])
-    kept = [row for row in rows if row["method"] != "coded"]
+    kept = [row for row in rows if row["method"] not in methods]
     for name in CASES:
-        ct, region, volume, mask, *_ = read_case(name, data)
-        kept += coded_rows(name, coded(ct, region), float(volume.max() - volume.min()), mask.all())
+        kept += rows_of(name, *read_case(name, data))
+        print(name, flush=True)
     order = list(dict.fromkeys(row["case"] for row in rows))
     kept.sort(key=lambda row: order.index(row["case"]))
     with open(table, "w", newline="") as file:
         writer = csv.DictWriter(file, fields)
         writer.writeheader()
         writer.writerows(kept)
+
+
+def of_coder(name, ct, region, volume, mask, *_):
+    return coded_rows(name, coded(ct, region), float(volume.max() - volume.min()), mask.all())
+
+
+def of_splats(name, ct, region, volume, mask, *_):
+    of_mask = 0 if mask.all() else coded(ct, region)[0]["region_bytes"]
+    return splat_rows(name, ct, region, int(mask.sum()), of_mask)
 
 
 def coded_rows(name, of_engine, span, is_whole):
@@ -229,7 +244,9 @@ def main():
     if sys.argv[1:2] == ["--plot"]:
         return plot(*sys.argv[2:])
     if sys.argv[1:2] == ["--coded"]:
-        return code_anew(*sys.argv[2:])
+        return anew(*sys.argv[2:], ["coded"], of_coder)
+    if sys.argv[1:2] == ["--splats"]:
+        return anew(*sys.argv[2:], ["splats, PLY", "splats, .vgs"], of_splats)
     data, out, *names = sys.argv[1:]
     with open(out, "a", newline="") as file:
         fields = "case voxels method setting bytes bytes_a_voxel psnr_db mask_bytes".split()

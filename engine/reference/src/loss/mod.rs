@@ -9,6 +9,7 @@ mod loss;
 mod mse;
 mod occupancy;
 mod square;
+mod tail;
 mod terms;
 
 pub use kl::LEAST as KL_LEAST;

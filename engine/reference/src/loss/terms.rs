@@ -1,11 +1,12 @@
 //! The table of losses, and terms of a fit: losses with their numbers.
 
 use super::loss::{Loss, Numbers, Overlap, Quantity, TermAt};
-use super::{dice, kl, leak, mse, occupancy, square};
+use super::{dice, kl, leak, mse, occupancy, square, tail};
 use crate::{Adjoint, Reconstruction, Target};
 
 /// All losses.
-pub static LOSSES: [Loss; 6] = [mse::LOSS, occupancy::LOSS, dice::LOSS, leak::LOSS, square::LOSS, kl::LOSS];
+pub static LOSSES: [Loss; 7] =
+    [mse::LOSS, occupancy::LOSS, dice::LOSS, leak::LOSS, square::LOSS, kl::LOSS, tail::LOSS];
 
 /// A loss with its numbers.
 #[derive(Clone, Copy)]

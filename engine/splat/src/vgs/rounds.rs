@@ -26,8 +26,7 @@ impl Rounding {
     }
 
     /// Chooses steps for splats that are fitted again after they are rounded, and whose field is `error` (root
-    /// mean square, in the unit of the intensities) off the scan: there a little less of any parameter costs about
-    /// as much as a 70th fewer splats.
+    /// mean square, in the unit of the intensities) off the scan: there coarser steps of more splats would be as good.
     pub fn for_error(splats: &[Splat], error: f64) -> Self {
         Rounding::of_share(splats, error / intensity_step(splats, 1.0))
     }
@@ -42,7 +41,7 @@ impl Rounding {
         // An error that is not a number is the least.
         let share = if share.is_nan() { 0.002 } else { share.clamp(0.002, 0.04) };
         let root = share.sqrt();
-        Rounding::with(splats, 0.36 * root, 1.0 + 0.4 * root, 1.2 * root, 1.0 / (0.42 * share))
+        Rounding::with(splats, 0.54 * root, 1.0 + 0.72 * root, 1.8 * root, 1.0 / (0.45 * share))
     }
 
     fn with(splats: &[Splat], mean: f64, ratio: f64, opacity: f64, intensities: f64) -> Self {
