@@ -209,7 +209,7 @@ fn no_pass_holds_the_device_for_long_and_memory_is_accounted_for() {
     // With everything on, so that every kernel runs.
     let mut case = Case::phantom(SIZE, 10);
     case.config.subset = 100;
-    (case.config.mask_weight, case.config.leak_weight) = (0.1, 0.1);
+    (case.config.mask_weight, case.config.leak_weight, case.config.target_hu) = (0.1, 0.1, 30.0);
     let _ = gpu.take_profile();
     for other in ["mse", "kl"] {
         case.config.mask_loss = other.to_owned();
