@@ -168,8 +168,9 @@ impl Loader {
     }
 
     /// Begins to read files; results of what was being read before are dropped. Files that are also in `had`
-    /// are not read again; neither is `volume`, that of `had`, where only its region is another one.
-    pub fn open(&mut self, files: &Files, had: &Files, volume: Option<&Arc<Volume>>) {
+    /// are not read again; neither is `volume`, that of `had`, where only its region is another one. A volume is shown with
+    /// `edges` at first.
+    pub fn open(&mut self, files: &Files, had: &Files, volume: Option<&Arc<Volume>>, edges: Edges) {
         self.turn += 1;
         self.doing.clear();
         let turn = self.turn;
@@ -188,7 +189,7 @@ impl Loader {
         {
             let files = files.clone();
             let there = volume.filter(|_| files.has_volume_of(had)).map(Arc::clone);
-            self.spawn(turn, move |tell| tell.volume(&path, there, &files));
+            self.spawn(turn, move |tell| tell.volume(&path, there, &files, edges));
         }
     }
 
@@ -440,7 +441,7 @@ impl Teller {
         self.count(splats);
     }
 
-    fn volume(&self, path: &Path, there: Option<Arc<Volume>>, files: &Files) {
+    fn volume(&self, path: &Path, there: Option<Arc<Volume>>, files: &Files, edges: Edges) {
         let name = name_of(path);
         let what = match &there {
             Some(_) => format!("finding the region of {name}"),
@@ -452,7 +453,7 @@ impl Teller {
             }
             read => {
                 let shown = Arc::new(read?);
-                shown.shown(Edges::default());
+                shown.shown(edges);
                 Ok(Ok(shown))
             }
         };
@@ -577,7 +578,7 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let nothing = folder.path().join("none.ply");
         let files = Files { splats: vec![nothing.clone()], ..Files::default() };
-        loader.open(&files, &Files::default(), None);
+        loader.open(&files, &Files::default(), None, Edges::default());
         let mut loaded = Vec::new();
         while loaded.is_empty() {
             woken.recv_timeout(std::time::Duration::from_secs(20)).expect("an answer");
@@ -600,7 +601,7 @@ mod tests {
         let splat = splat::Splat { rotation: [1.0, 0.0, 0.0, 0.0], ..Default::default() };
         splat::write(&ply, &SplatSet { splats: vec![splat], ..SplatSet::default() }, false).unwrap();
         let mut files = Files { volume: Some(ct), ..Files::default() };
-        loader.open(&files, &Files::default(), None);
+        loader.open(&files, &Files::default(), None, Edges::default());
         let (mut read, mut counted) = (None, 0);
         while counted < 2 {
             woken.recv_timeout(std::time::Duration::from_secs(20)).expect("both are counted");
@@ -610,7 +611,7 @@ mod tests {
                         // Before its intensities are counted, as far as anybody knows.
                         let had = files.clone();
                         files.splats = vec![ply.clone()];
-                        loader.open(&files, &had, Some(&volume.volume));
+                        loader.open(&files, &had, Some(&volume.volume), Edges::default());
                         read = Some(volume);
                     }
                     Loaded::VolumeHistogram(volume, histogram) => {

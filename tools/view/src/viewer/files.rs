@@ -43,7 +43,7 @@ impl Viewer {
     /// Begins to read the files of the state that are not open yet.
     pub(super) fn read_files(&mut self) {
         let volume = self.data.volume.as_ref().map(|loaded| &loaded.volume);
-        self.loader.open(&self.app.state.files, self.open_files.read(), volume);
+        self.loader.open(&self.app.state.files, self.open_files.read(), volume, self.app.state.edges);
     }
 
     /// Writes a file beside the window.

@@ -186,7 +186,7 @@ impl Viewer {
         if asked {
             app.keep_look();
         }
-        loader.open(&app.state.files, &Files::default(), None);
+        loader.open(&app.state.files, &Files::default(), None, app.state.edges);
         Viewer {
             app,
             data: LoadedData::default(),
