@@ -42,15 +42,20 @@ const UNKNOWN: [f32; 3] = [0.36; 3];
 /// [`Kind::BadData`] if none lies there: a measurement would only say how dark the volume is.
 pub fn in_volume(set: &SplatSet, volume: &Volume) -> Result<Vec<Splat>> {
     let splats = set.to_voxel(&volume.world_from_voxel);
-    let inside = |s: &Splat| (0..3).all(|a| s.mean[a] >= -1.0 && s.mean[a] <= volume.size[a] as f32);
-    let voxel_from_world = volume.voxel_from_world();
-    let [first, last] = [DVec3::splat(-1.0), DVec3::from_array(volume.size.map(|n| n as f64))];
-    let overlaps = || {
-        let corners = crate::render::bounds(set).map(|corner| voxel_from_world.transform_point3(corner));
-        let (low, high) = (corners[0].min(corners[1]), corners[0].max(corners[1]));
-        low.cmple(last).all() && high.cmpge(first).all()
-    };
-    if splats.iter().any(inside) || !set.voxels.is_empty() && overlaps() {
+    let last = DVec3::from_array(volume.size.map(|n| n as f64));
+    let inside = |at: DVec3| at.cmpge(DVec3::NEG_ONE).all() && at.cmple(last).all();
+    // Of coded voxels, which have no splats, the voxels themselves.
+    let coded = set.region.as_ref().zip(set.grid.as_ref()).filter(|_| !set.voxels.is_empty());
+    let lies = coded.is_some_and(|(region, grid)| {
+        let place = volume.voxel_from_world() * grid.world_from_voxel;
+        let ([first, end], kinds) = (region.bounds(), region.kinds());
+        let [nx, ny, _] = std::array::from_fn(|k| (end[k] - first[k]) as usize);
+        let voxel = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];
+        let at =
+            |i: usize| DVec3::from_array(std::array::from_fn(|k| f64::from(first[k]) + voxel(i)[k] as f64));
+        (0..kinds.len()).any(|i| kinds[i] > 0 && inside(place.transform_point3(at(i))))
+    });
+    if lies || splats.iter().any(|s| inside(DVec3::from_array(s.mean.map(f64::from)))) {
         return Ok(splats);
     }
     let message = "no splat lies in the volume: they are of different scans, or one lost its place";

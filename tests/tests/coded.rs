@@ -2,7 +2,7 @@
 
 use engine::coded::{coded, usual_bound};
 use engine::error::Kind;
-use engine::fidelity::{ShownError, evaluate_decoded};
+use engine::fidelity::{ShownError, evaluate_decoded, in_volume};
 use engine::fit::errors::ErrorMap;
 use engine::fit::evaluate::Protocol;
 use engine::image::psnr;
@@ -211,4 +211,18 @@ fn what_cannot_be_coded_is_refused() {
         let all = Roi::new(vec![1.0; count], &tiny).expect("a region");
         assert_eq!(read_again(&coded(&tiny, &all, None, 0.0).expect("coded")).coded_count(), count);
     }
+}
+
+/// Voxels are compared with what lies where they do, not where the box around them does.
+#[test]
+fn only_what_lies_in_a_volume_is_compared_with_it() {
+    let size = [20usize; 3];
+    let along = |i: usize| i % 20 == i / 20 % 20 && i % 20 == i / 400;
+    let volume = Volume::new(size, DAffine3::IDENTITY, vec![100.0; 8000]);
+    let roi = Roi::new((0..8000).map(|i| f32::from(u8::from(along(i)))).collect(), &volume).expect("a line");
+    let set = coded(&volume, &roi, None, 0.0).expect("a set");
+    let at = |place: DVec3| Volume::new([4; 3], DAffine3::from_translation(place), vec![100.0; 64]);
+    assert!(in_volume(&set, &at(DVec3::splat(14.0))).is_ok(), "on the line");
+    let beside = in_volume(&set, &at(DVec3::new(14.0, 1.0, 7.0))).err().expect("beside the line");
+    assert_eq!(beside.code, "VGS-FIT-041");
 }
