@@ -3,6 +3,7 @@
 
 usage: rate-distortion.py DATA OUT.csv [CASE...]     adds rows; VGS is the command that runs vgs (tools/vgs)
        rate-distortion.py --plot OUT.csv OUT.svg
+       rate-distortion.py --table OUT.csv            a table at the sizes of some fits, and where the coded region overtakes them
        rate-distortion.py --coded|--splats DATA OUT.csv   the rows of the coder of the region, or of splats, anew
 
 It needs numpy scipy nibabel h5py hdf5plugin imagecodecs matplotlib
@@ -216,6 +217,31 @@ def coded_rows(name, of_engine, span, is_whole):
                    bytes_a_voxel=size / voxels, psnr_db=psnr, mask_bytes=of_mask)
 
 
+def show(table):
+    """Prints the PSNR of all at the bytes of fits, interpolated over the logarithm of the bytes."""
+    with open(table, newline="") as file:
+        rows = [row for row in csv.DictReader(file) if row["psnr_db"]]
+    others = ["coded", "SZ3", "SZ3, inside", "JPEG-LS", "JPEG XL", "SPERR", "DCT", "zfp"]
+    for case in dict.fromkeys(row["case"] for row in rows):
+        of_case = [row for row in rows if row["case"] == case]
+        voxels = int(of_case[0]["voxels"])
+
+        def at(method, size):
+            points = sorted((float(row["bytes"]), float(row["psnr_db"])) for row in of_case if row["method"] == method)
+            sizes, psnr = zip(*points) if points else ([np.inf], [0])
+            return np.interp(np.log(size), np.log(sizes), psnr, left=np.nan, right=np.nan)
+
+        fits = [row for row in of_case if row["method"] == "splats, .vgs"]
+        for row in fits:
+            size = float(row["bytes"])
+            found = [float(row["psnr_db"]), *(at(method, size) for method in others)]
+            texts = ["–" if np.isnan(v) else f"**{v:.1f}**" if v == np.nanmax(found) else f"{v:.1f}" for v in found]
+            print("|", " | ".join([f"{case}, {voxels:,}", f"{int(row['setting']):,}", f"{size:,.0f}", f"{size / voxels:.2f}", *texts]), "|")
+        sizes = np.geomspace(*(float(row["bytes"]) for row in (fits[0], fits[-1])), 400)
+        behind = [size / voxels for size in sizes if at("coded", size) > at("splats, .vgs", size)]
+        print(case, "coded is ahead from", round(behind[0], 3) if behind else "nowhere")
+
+
 def plot(table, out):
     import matplotlib.pyplot as plt
 
@@ -243,6 +269,8 @@ def plot(table, out):
 def main():
     if sys.argv[1:2] == ["--plot"]:
         return plot(*sys.argv[2:])
+    if sys.argv[1:2] == ["--table"]:
+        return show(*sys.argv[2:])
     if sys.argv[1:2] == ["--coded"]:
         return anew(*sys.argv[2:], ["coded"], of_coder)
     if sys.argv[1:2] == ["--splats"]:
