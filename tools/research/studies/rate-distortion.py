@@ -3,6 +3,7 @@
 
 usage: rate-distortion.py DATA OUT.csv [CASE...]     adds rows; VGS is the command that runs vgs (tools/vgs)
        rate-distortion.py --plot OUT.csv OUT.svg
+       rate-distortion.py --pictures DATA OUT.csv CASE...   lit pictures of splats and of the coded region, against the CT
        rate-distortion.py --table OUT.csv            a table at the sizes of some fits, and where the coded region overtakes them
        rate-distortion.py --coded|--splats DATA OUT.csv   the rows of the coder of the region, or of splats, anew
 
@@ -217,6 +218,51 @@ def coded_rows(name, of_engine, span, is_whole):
                    bytes_a_voxel=size / voxels, psnr_db=psnr, mask_bytes=of_mask)
 
 
+def pictures(data, out, *names):
+    """Writes the PSNR of lit pictures from four sides, of a few fits and of the coded region at several bounds."""
+    with tempfile.TemporaryDirectory() as scratch, open(out, "w", newline="") as file:
+        table = csv.writer(file, lineterminator="\n")
+        table.writerow(["case", "function", "form", "splats or bound", "bytes", "psnr_db"])
+        for name in names:
+            ct, region, _, _, corner, _ = read_case(name, data)
+            flags = [ct, *region]
+            cameras, files = four_sides(nibabel.load(ct).affine, corner, scratch), []
+            for density in CASES[name][2][:4]:
+                path = f"{scratch}/{density}.vgs"
+                run("fit", *flags, "--density", density, "--between-slices", "linear", "--no-eval", "-q", "--force", "-o", path)
+                files.append(("splats", json.loads(run("info", path, "--json"))["splats"], path))
+            for bound in (10, 15, 20, 30, 45, 60, 90, 120, 160, 200, 300):
+                path = f"{scratch}/bound.{bound}.vgs"
+                run("convert", *flags, "--bound", bound, "--force", "-o", path)
+                files.append(("coded", bound, path))
+            for function in ("CT-Bone", "CT-Bones-Steep"):
+                errors = np.zeros(len(files))
+                for camera in cameras:
+                    def look(*what):
+                        run("render", *what, "--size", "512x512", "--camera", camera, "--tf", function, "--background", "black",
+                            "--force", "-o", f"{scratch}/p.png")
+                        return imagecodecs.imread(f"{scratch}/p.png")[..., :3] / 255.0
+
+                    wanted = look(*flags, "--between-slices", "linear")
+                    errors += [np.mean((look(path) - wanted) ** 2) / len(cameras) for *_, path in files]
+                for (form, setting, path), error in zip(files, errors):
+                    psnr = round(-10 * np.log10(error), 2)
+                    table.writerow([name, function, form, setting, os.path.getsize(path), psnr])
+
+
+def four_sides(affine, corner, scratch):
+    """Writes cameras that see the box around a mask from four sides; returns their files."""
+    ends = np.array([[affine @ [*(getattr(axis, end) for axis in corner), 1]] for end in ("start", "stop")])[:, 0, :3]
+    middle, radius = ends.mean(axis=0), np.linalg.norm(ends[1] - ends[0]) / 2
+    files = []
+    for number, side in enumerate(([0, 1, 0], [0.7, 0.7, 0.2], [-1, 0.3, 0.3], [0, -1, 0.1])):
+        eye = middle + np.array(side) / np.linalg.norm(side) * radius / np.sin(np.radians(15))
+        files.append(f"{scratch}/camera.{number}.json")
+        with open(files[-1], "w") as file:
+            json.dump(dict(eye_mm=list(eye), target_mm=list(middle), up=[0, 0, 1], fov_deg=30), file)
+    return files
+
+
 def show(table):
     """Prints the PSNR of all at the bytes of fits, interpolated over the logarithm of the bytes."""
     with open(table, newline="") as file:
@@ -269,6 +315,8 @@ def plot(table, out):
 def main():
     if sys.argv[1:2] == ["--plot"]:
         return plot(*sys.argv[2:])
+    if sys.argv[1:2] == ["--pictures"]:
+        return pictures(*sys.argv[2:])
     if sys.argv[1:2] == ["--table"]:
         return show(*sys.argv[2:])
     if sys.argv[1:2] == ["--coded"]:
