@@ -299,14 +299,16 @@ def plot(table, out):
     for axis, case in zip(axes[0], cases):
         for method, (colour, line) in LINES.items():
             of_method = [row for row in rows if row["case"] == case and row["method"] == method]
-            points = sorted((float(row["bytes_a_voxel"]), float(row["psnr_db"] or 0)) for row in of_method)
+            points = sorted((float(row["bytes_a_voxel"]), float(row["psnr_db"] or "inf")) for row in of_method)
             if method == "lossless":
                 axis.axvline(points[0][0], color=colour, linestyle=line, linewidth=0.8, label="lossless (xz)")
             else:
+                points = [point for point in points if np.isfinite(point[1])]
                 axis.plot(*zip(*points), line, color=colour, markersize=3, label=method)
-        axis.set(title=case, xscale="log", xlim=(0.02, 8), ylim=(28, 62), xlabel="bytes a voxel, mask included")
+        axis.set(title=case, xscale="log", xlim=(0.01, 8), ylim=(28, 62), xlabel="bytes a voxel, mask included")
         axis.grid(True, which="both", linewidth=0.3)
     axes[0][0].set_ylabel("PSNR at the voxels, dB")
+    axes[0][0].set_yticks(range(30, 61, 5), labels=[str(db) for db in range(30, 61, 5)])
     axes[0][-1].legend(fontsize=7, loc="lower right")
     figure.tight_layout()
     figure.savefig(out, metadata={"Date": None})
