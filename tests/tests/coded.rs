@@ -223,6 +223,6 @@ fn only_what_lies_in_a_volume_is_compared_with_it() {
     let set = coded(&volume, &roi, None, 0.0).expect("a set");
     let at = |place: DVec3| Volume::new([4; 3], DAffine3::from_translation(place), vec![100.0; 64]);
     assert!(in_volume(&set, &at(DVec3::splat(14.0))).is_ok(), "on the line");
-    let beside = in_volume(&set, &at(DVec3::new(14.0, 1.0, 7.0))).err().expect("beside the line");
+    let beside = in_volume(&set, &at(DVec3::new(14.0, 1.0, 7.0))).expect_err("beside the line");
     assert_eq!(beside.code, "VGS-FIT-041");
 }
