@@ -288,7 +288,9 @@ impl Viewer {
         }
         // Others are not tried again before they change.
         self.edges = wanted;
-        self.over |= self.show_words(headset, EDGING)?;
+        if self.show_words(headset, EDGING)? {
+            return Ok(());
+        }
         match self.make_edges(wanted) {
             Ok(()) => self.frames.renew(&self.scene),
             Err(error) => self.controls.feedback.say(format!("The edges stay: {}", error.message)),

@@ -110,7 +110,7 @@ impl Problem<'_> {
     /// Returns what a trial at this density still lacks, dB.
     fn lacks(&self, density: f64) -> f64 {
         let more = f64::from(self.config().iterations) / f64::from(ITERATIONS);
-        interpolated(&LACKS, density) * (more.max(1.0).log2()).min(1.25)
+        interpolated(&LACKS, density) * more.max(1.0).log2().min(1.25)
     }
 
     /// Fits the part as its configuration says, and measures it.

@@ -3,7 +3,8 @@
 //!
 //! L = λ_ct/2 Σ m ((V̂ - V)² + t(V̂ - V)) + |ROI|/2 (λ_mask L_mask + λ_leak L_leak) + λ_occ/2 Σ max(|O - M| - τ, 0)².
 //!
-//! t is the tail of a fit that aims at an error of nearly all voxels (`loss_tail`), and 0 in others. τ is the tolerance of a fit for the grid of a binary mask, and 0 in others.
+//! t is the tail of a fit that aims at an error of nearly all voxels (`loss_tail`), and 0 in others. τ is the tolerance of
+//! a fit for the grid of a binary mask, and 0 in others.
 //!
 //! Without the last sum this is |ROI|/2 times the paper's equation (3) with the mean squared error as L_ct.
 

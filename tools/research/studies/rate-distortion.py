@@ -11,8 +11,8 @@ It needs numpy scipy nibabel h5py hdf5plugin imagecodecs matplotlib
 
 All count the mask as vgs codes it, splats in their file. Codecs see the box around the mask, in which what is outside is
 filled smoothly, or ("inside") the voxels of the mask alone, row by row; "coded" is the region without
-splats, as `vgs convert --bound` writes it (STUDIES is the command that runs studies). Thick slices have none between them. PSNR is over the range of the whole
-volume, at the voxels of the mask.
+splats, as `vgs convert --bound` writes it (STUDIES is the command that runs studies). Thick slices have none between
+them. PSNR is over the range of the whole volume, at the voxels of the mask.
 """
 import csv, json, lzma, os, subprocess, sys, tempfile
 import h5py, hdf5plugin, imagecodecs, nibabel, numpy as np
