@@ -18,8 +18,8 @@ pub struct Mended {
 }
 
 impl Mended {
-    /// Drops the splats of `set` that cannot be used, with what belongs to them; `defect_of` tells what is wrong with a row beside its splat and colours. If `strict` is set, the first
-    /// unusable splat is an error.
+    /// Drops the splats of `set` that cannot be used, with what belongs to them; `defect_of` tells what is wrong with a
+    /// row beside its splat and colours. If `strict` is set, the first unusable splat is an error.
     pub fn of(
         set: &mut SplatSet,
         defect_of: impl Fn(usize) -> Option<&'static str>,
@@ -63,7 +63,7 @@ impl Mended {
         if widened > 0 {
             tracing::warn!(%file, widened, "splats thinner than 1/10000 of their length were widened");
         }
-        if set.splats.is_empty() {
+        if set.splats.is_empty() && set.voxels.is_empty() {
             tracing::warn!(%file, "the file holds no usable splat");
         }
         if !set.unit.is_physical() {

@@ -17,7 +17,7 @@ use crate::activation::ANISOTROPY_LIMIT;
 use crate::harmonics::{MAX_BASIS, MAX_DEGREE, basis_count, luminance};
 use crate::mend::{Mended, bound_opacities, ordinary_field, zeros};
 use crate::region::Stored;
-use crate::{Harmonics, ReadOptions, Splat, SplatSet, Summary, Unplaced};
+use crate::{Grid, Harmonics, ReadOptions, Splat, SplatSet, Summary, Unplaced};
 use base::error::{Error, Result};
 use base::unit::Unit;
 
@@ -111,80 +111,14 @@ pub(super) fn load(
     options: &ReadOptions,
 ) -> Result<Loaded> {
     let header = Header::read(&mut source)?;
-    let (vertex_index, vertex) = header.element("vertex").ok_or_else(|| {
-        let names: Vec<_> = header.elements.iter().map(|e| quoted(&e.name)).collect();
-        bad("VGS-PLY-013", format!("no element `vertex`; the file has: {}", names.join(", ")))
-    })?;
-    check_vertex(vertex, options)?;
-    let beside = header.element(INTENSITY_ELEMENT);
-    let beside_columns = beside.map(|(_, element)| Beside::of(element, vertex.count)).transpose()?;
     let stated = comments::read(&header.comments)?;
-    let layout = if reference::is_layout(&header, vertex, &stated) {
-        Layout::of_reference(vertex)?
-    } else {
-        Layout::of(vertex, beside_columns.as_ref().is_some_and(Beside::has_intensity))?
-    };
-    // Without a grid these elements are another program's.
-    let grid = stated.grid();
-    let of_region =
-        [REGION_ELEMENT, EXCEPTION_ELEMENT].map(|name| header.element(name).filter(|_| grid.is_some()));
-    let read = of_region.into_iter().chain([beside]).flatten();
-    let last = read.map(|(index, _)| index).fold(vertex_index, usize::max);
-    let payload_bytes = bytes.saturating_sub(header.payload_start);
-    header.check_size(last, payload_bytes)?;
-    match header.trailing_bytes(payload_bytes) {
-        0 => {}
-        extra if options.strict => {
-            return Err(bad("VGS-PLY-023", format!("{extra} bytes follow the last row")));
-        }
-        extra => tracing::warn!(extra, "bytes behind the last row of a PLY file were ignored"),
-    }
-
-    let fixed = vertex.properties.contains_key(&rest_property(3 * MAX_BASIS - 4));
-    let count = vertex.count;
-    let mut splats = zeros::<Splat>(count)?;
-    let mut beyond = zeros::<f32>(count.saturating_mul(layout.beyond()))?;
-    let beside_has_label = beside_columns.as_ref().is_some_and(|beside| beside.label.is_some());
-    let labelled = layout.has_label || beside_has_label;
-    let mut labels = if labelled { Labels::of(zeros(count)?) } else { Labels::default() };
+    let plan = Plan::of(&header, &stated, options)?;
+    plan.check_size(&header, bytes, options.strict)?;
+    let fixed = plan.vertex.properties.contains_key(&rest_property(3 * MAX_BASIS - 4));
+    let Content { splats, mut beyond, labels, mut stored } = plan.read(&mut source, &header)?;
+    let Plan { layout, grid, beside_has_label, .. } = plan;
     let (form, form_name) = stated.form.unwrap_or_default();
-    let mut stored = Stored { form: form_name, ..Stored::default() };
-    for (index, element) in header.elements.iter().enumerate().take(last + 1) {
-        if let Some(grid) = grid.as_ref().filter(|_| element.name == EXCEPTION_ELEMENT) {
-            let bytes = region::read(&mut source, &header, element)?;
-            stored.exceptions =
-                region::exceptions(&bytes, grid).map_err(|what| region::broken(&element.name, what))?;
-        } else if grid.is_some() && element.name == REGION_ELEMENT {
-            stored.bytes = Some(region::read(&mut source, &header, element)?);
-        } else if index == vertex_index {
-            let mut fill = |i: usize, row: &[f32]| {
-                layout.fill(&mut splats[i], &mut beyond, i, row);
-                if layout.has_label {
-                    labels.set(i, row[LABEL_SLOT]);
-                }
-            };
-            match layout.degree {
-                None | Some(0) => rows::read(
-                    &mut source,
-                    &header,
-                    element,
-                    &layout.columns,
-                    |i, row: &[f32; GREY_SLOTS]| fill(i, row),
-                )?,
-                Some(_) => rows::read(
-                    &mut source,
-                    &header,
-                    element,
-                    &layout.columns,
-                    |i, row: &[f32; ALL_SLOTS]| fill(i, row),
-                )?,
-            }
-        } else if let Some(beside) = beside_columns.as_ref().filter(|_| element.name == INTENSITY_ELEMENT) {
-            beside.read(&mut source, &header, element, &mut splats, &mut labels)?;
-        } else {
-            rows::skip(&mut source, &header, element)?;
-        }
-    }
+    stored.form = form_name;
 
     let ours = header.comments.iter().any(|comment| comment.trim_start().starts_with("vgs."));
     let labels = labels.taken(ours || beside_has_label)?;
@@ -206,22 +140,7 @@ pub(super) fn load(
         splats,
         ..SplatSet::default()
     };
-    if !by_reference {
-        // There it is no logit.
-        bound_opacities(&mut set.splats);
-    }
-    let part = |i: usize| {
-        let finite = rows.as_ref().is_none_or(|rows| rows.intensity_01[i].is_finite());
-        (!finite).then_some("a value is not finite")
-    };
-    let mut mended = Mended::of(&mut set, part, options.strict)?;
-    if let Some((rows, kept)) = rows.as_mut().zip(mended.kept.as_ref()) {
-        rows.intensity_01 = kept.iter().map(|&i| rows.intensity_01[i]).collect();
-    }
-    // Lengths are in mm of the world only if the splats are placed.
-    if !by_reference {
-        mended.widen(&mut set.splats);
-    }
+    let mended = mend(&mut set, rows.as_mut(), options.strict)?;
     set.field = stated.field(&match &rows {
         Some(rows) => rows.field(&set.splats),
         None => ordinary_field(&set.splats),
@@ -240,6 +159,132 @@ pub(super) fn load(
     };
     let intensity_01_range = stated.intensity_01_range;
     Ok(Loaded { set, rows, header, mended, bytes, layout, intensity_01_range })
+}
+
+/// Mends what can be mended of splats, or of `rows` that a volume must place.
+fn mend(set: &mut SplatSet, mut rows: Option<&mut reference::Rows>, strict: bool) -> Result<Mended> {
+    if rows.is_none() {
+        // There it is no logit.
+        bound_opacities(&mut set.splats);
+    }
+    let part = |i: usize| {
+        let finite = rows.as_ref().is_none_or(|rows| rows.intensity_01[i].is_finite());
+        (!finite).then_some("a value is not finite")
+    };
+    let mut mended = Mended::of(set, part, strict)?;
+    if let Some((rows, kept)) = rows.as_mut().zip(mended.kept.as_ref()) {
+        rows.intensity_01 = kept.iter().map(|&i| rows.intensity_01[i]).collect();
+    }
+    // Lengths are in mm of the world only if the splats are placed.
+    if rows.is_none() {
+        mended.widen(&mut set.splats);
+    }
+    Ok(mended)
+}
+
+/// What is read of a file, as its header has it.
+struct Plan<'a> {
+    vertex_index: usize,
+    vertex: &'a ElementDef,
+    layout: Layout,
+    /// Columns of the element beside the vertices, if there is one.
+    beside: Option<Beside>,
+    beside_has_label: bool,
+    grid: Option<Grid>,
+    /// Index of the last element that is read.
+    last: usize,
+}
+
+/// The rows of a file.
+struct Content {
+    splats: Vec<Splat>,
+    /// Floats of each row beyond those of a splat.
+    beyond: Vec<f32>,
+    labels: Labels,
+    stored: Stored,
+}
+
+impl<'a> Plan<'a> {
+    fn of(header: &'a Header, stated: &comments::Stated, options: &ReadOptions) -> Result<Plan<'a>> {
+        let (vertex_index, vertex) = header.element("vertex").ok_or_else(|| {
+            let names: Vec<_> = header.elements.iter().map(|e| quoted(&e.name)).collect();
+            bad("VGS-PLY-013", format!("no element `vertex`; the file has: {}", names.join(", ")))
+        })?;
+        check_vertex(vertex, options)?;
+        let element = header.element(INTENSITY_ELEMENT);
+        let beside = element.map(|(_, element)| Beside::of(element, vertex.count)).transpose()?;
+        let layout = if reference::is_layout(header, vertex, stated) {
+            Layout::of_reference(vertex)?
+        } else {
+            Layout::of(vertex, beside.as_ref().is_some_and(Beside::has_intensity))?
+        };
+        // Without a grid these elements are another program's.
+        let grid = stated.grid();
+        let of_region =
+            [REGION_ELEMENT, EXCEPTION_ELEMENT].map(|name| header.element(name).filter(|_| grid.is_some()));
+        let read = of_region.into_iter().chain([element]).flatten();
+        let last = read.map(|(index, _)| index).fold(vertex_index, usize::max);
+        let beside_has_label = beside.as_ref().is_some_and(|beside| beside.label.is_some());
+        Ok(Plan { vertex_index, vertex, layout, beside, beside_has_label, grid, last })
+    }
+
+    /// Fails if the rows that are read do not fit into a file of `bytes` bytes, or others follow and it is `strict`.
+    fn check_size(&self, header: &Header, bytes: u64, strict: bool) -> Result<()> {
+        let payload_bytes = bytes.saturating_sub(header.payload_start);
+        header.check_size(self.last, payload_bytes)?;
+        match header.trailing_bytes(payload_bytes) {
+            0 => {}
+            extra if strict => {
+                return Err(bad("VGS-PLY-023", format!("{extra} bytes follow the last row")));
+            }
+            extra => tracing::warn!(extra, "bytes behind the last row of a PLY file were ignored"),
+        }
+        Ok(())
+    }
+
+    fn read(&self, source: &mut BufReader<impl Read + Seek>, header: &Header) -> Result<Content> {
+        let Plan { layout, grid, .. } = self;
+        let count = self.vertex.count;
+        let mut splats = zeros::<Splat>(count)?;
+        let mut beyond = zeros::<f32>(count.saturating_mul(layout.beyond()))?;
+        let labelled = layout.has_label || self.beside_has_label;
+        let mut labels = if labelled { Labels::of(zeros(count)?) } else { Labels::default() };
+        let mut stored = Stored::default();
+        for (index, element) in header.elements.iter().enumerate().take(self.last + 1) {
+            if let Some(grid) = grid.as_ref().filter(|_| element.name == EXCEPTION_ELEMENT) {
+                let bytes = region::read(source, header, element)?;
+                stored.exceptions =
+                    region::exceptions(&bytes, grid).map_err(|what| region::broken(&element.name, what))?;
+            } else if grid.is_some() && element.name == REGION_ELEMENT {
+                stored.bytes = Some(region::read(source, header, element)?);
+            } else if index == self.vertex_index {
+                let mut fill = |i: usize, row: &[f32]| {
+                    layout.fill(&mut splats[i], &mut beyond, i, row);
+                    if layout.has_label {
+                        labels.set(i, row[LABEL_SLOT]);
+                    }
+                };
+                let columns = &layout.columns;
+                match layout.degree {
+                    None | Some(0) => {
+                        rows::read(source, header, element, columns, |i, row: &[f32; GREY_SLOTS]| {
+                            fill(i, row);
+                        })?;
+                    }
+                    Some(_) => {
+                        rows::read(source, header, element, columns, |i, row: &[f32; ALL_SLOTS]| {
+                            fill(i, row);
+                        })?;
+                    }
+                }
+            } else if let Some(beside) = self.beside.as_ref().filter(|_| element.name == INTENSITY_ELEMENT) {
+                beside.read(source, header, element, &mut splats, &mut labels)?;
+            } else {
+                rows::skip(source, header, element)?;
+            }
+        }
+        Ok(Content { splats, beyond, labels, stored })
+    }
 }
 
 /// A property of the PLY into which SuperSplat packs splats.

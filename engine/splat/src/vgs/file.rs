@@ -12,11 +12,11 @@ use super::lattice::Lattice;
 use super::layers::{self, COLUMNS, Models, Row};
 use super::rounding::{Cells, Rounding, Steps};
 use super::values;
-use crate::activation::{ANISOTROPY_LIMIT, limit_anisotropy};
+use crate::mend::Mended;
 use crate::region::Stored;
 use crate::voxels::{LARGEST_BOUND, LARGEST_CODE, Precision, Sites};
 use crate::{
-    Field, Form, Grid, Kernel, ReadOptions, Region, SplatSet, Summary, Unplaced, Voxels, WriteOptions,
+    Field, Form, Grid, Kernel, ReadOptions, Region, Splat, SplatSet, Summary, Unplaced, Voxels, WriteOptions,
     by_importance, defect,
 };
 use base::error::{Error, Kind, Result};
@@ -72,6 +72,13 @@ struct Header {
     /// What version 1 has for a region.
     #[serde(default, skip_serializing_if = "Option::is_none")]
     exceptions: Option<Part>,
+}
+
+impl Header {
+    /// Returns the number of splats in all layers.
+    fn declared(&self) -> u64 {
+        self.layers.iter().fold(0, |sum, part| sum.saturating_add(part.count))
+    }
 }
 
 #[derive(Serialize, Deserialize)]
@@ -270,12 +277,12 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
 /// # Errors
 /// [`Kind::BadData`] for bytes that are damaged or not those of such a file.
 pub fn decode(bytes: &[u8], options: &ReadOptions) -> Result<(SplatSet, usize)> {
-    decoded(bytes, options).map(|loaded| (loaded.set, loaded.widened))
+    decoded(bytes, options).map(|loaded| (loaded.set, loaded.mended.widened))
 }
 
 /// Reads a set and describes what the file holds.
 pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, header, dropped, widened, bytes } = load(path, options)?;
+    let Loaded { set, header, mended, bytes } = load(path, options)?;
     let payload: u64 = header.layers.iter().map(|part| part.bytes).sum();
     let slabs = || header.voxels.iter().flat_map(|voxels| &voxels.slabs);
     let coded: u64 = slabs().chain(&header.region).map(|part| part.bytes).sum();
@@ -293,8 +300,8 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
                 payload as f64 / set.splats.len().max(1) as f64
             ),
         },
-        dropped,
-        widened,
+        dropped: mended.dropped,
+        widened: mended.widened,
         elements: vec![("splat".to_owned(), set.splats.len() as u64)]
             .into_iter()
             .chain(header.region.map(|region| ("region".to_owned(), region.count)))
@@ -313,8 +320,7 @@ pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
 struct Loaded {
     set: SplatSet,
     header: Header,
-    dropped: usize,
-    widened: usize,
+    mended: Mended,
     bytes: u64,
 }
 
@@ -325,7 +331,9 @@ fn load(path: &Path, options: &ReadOptions) -> Result<Loaded> {
     memory::require(length, "the file")?;
     let mut bytes = Vec::new();
     Read::by_ref(&mut file).take(length).read_to_end(&mut bytes).map_err(failed)?;
-    decoded(&bytes, options).map_err(|error| error.file(path))
+    let loaded = decoded(&bytes, options).map_err(|error| error.file(path))?;
+    loaded.mended.tell(path, &loaded.set);
+    Ok(loaded)
 }
 
 fn damaged(what: impl Into<String>) -> Error {
@@ -334,6 +342,65 @@ fn damaged(what: impl Into<String>) -> Error {
 }
 
 fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
+    let (header, rest) = beginning(bytes, options)?;
+    let Frame { field, form: (form, form_name), affine, grid } = stated(&header)?;
+    let mut payload = Payload { rest };
+    let mut stored = Stored { form: form_name, ..Stored::default() };
+    if let Some(part) = &header.region {
+        stored.bytes = Some(payload.sound(part, "the region is not as it was written")?.to_vec());
+    }
+    let mut slabs: Vec<Vec<&[u8]>> = Vec::new();
+    for voxels in &header.voxels {
+        let read = |part| payload.sound(part, "the coded voxels are not as they were written");
+        slabs.push(voxels.slabs.iter().map(read).collect::<Result<_>>()?);
+    }
+    let (mut found, missing) = layers_of(&header, &mut payload)?;
+    if missing > 0 {
+        let declared = header.declared();
+        let message = format!("the file ends early: {missing} of {declared} splats are missing");
+        if options.strict || found.is_empty() {
+            return Err(damaged(message));
+        }
+        tracing::warn!("{message}; what is there is shown, coarser");
+    } else if let (Some(part), Some(grid)) = (&header.exceptions, &grid) {
+        let broken = "the exceptions are not as they were written";
+        let bytes = payload.sound(part, broken)?;
+        stored.exceptions =
+            exceptions::decode(bytes, part.count as usize, grid).ok_or_else(|| damaged(broken))?;
+    }
+    if options.strict && !payload.rest.is_empty() {
+        return Err(damaged(format!("{} bytes follow its end", payload.rest.len())));
+    }
+    let read = found.len();
+    found.retain(|(splat, _)| defect(splat).is_none());
+    let dropped = read - found.len();
+    if options.strict && dropped > 0 {
+        return Err(damaged(format!("{dropped} splats cannot be used")));
+    }
+    let labels = header.labels.then(|| found.iter().map(|(_, label)| *label).collect());
+    let splats: Vec<_> = found.into_iter().map(|(splat, _)| splat).collect();
+    let mut set = SplatSet::from_voxel(&splats, &affine, field);
+    let mut mended = Mended { dropped, ..Mended::default() };
+    mended.widen(&mut set.splats);
+    set.unit = Unit::from_name(&header.intensity).unwrap_or_default();
+    set.labels = labels;
+    set.label_names.clone_from(&header.label_names);
+    set.iterations = header.iterations;
+    set.grid = grid;
+    set.volume_crc32 = header.volume_crc32;
+    set.form = form;
+    set.rounding = Some(Rounding { steps: header.steps, cells: header.cells });
+    set.region = stored.region(&set)?.map_err(damaged)?;
+    set.voxels = coded(&header, &slabs, &set)?;
+    let names_ascend = set.label_names.is_sorted_by(|a, b| a.0 < b.0);
+    if !names_ascend || crate::ply::check(&set).is_err() {
+        return Err(damaged("the header states what no set can have"));
+    }
+    Ok(Loaded { set, header, mended, bytes: bytes.len() as u64 })
+}
+
+/// Reads the header, and returns it with what follows it.
+fn beginning<'a>(bytes: &'a [u8], options: &ReadOptions) -> Result<(Header, &'a [u8])> {
     let word = |at: usize| {
         let word = bytes.get(at..at + 4)?.first_chunk()?;
         Some(u32::from_le_bytes(*word))
@@ -354,8 +421,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
         .ok_or_else(|| damaged("the header is not as it was written"))?;
     let header: Header = serde_json::from_slice(text)
         .map_err(|error| damaged(format!("the header cannot be read: {error}")))?;
-    let mut rest = &bytes[20 + length as usize..];
-    let declared = header.layers.iter().fold(0u64, |sum, part| sum.saturating_add(part.count));
+    let declared = header.declared();
     if declared > options.max_splats {
         let message = format!("{declared} splats, and {} are allowed", options.max_splats);
         return Err(
@@ -367,34 +433,38 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
         return Err(damaged("more splats than so few bytes can hold"));
     }
     memory::require(declared * HOST_BYTES_A_SPLAT, &format!("{declared} splats"))?;
-    let Frame { field, form: (form, form_name), affine, grid } = stated(&header)?;
+    Ok((header, &bytes[20 + length as usize..]))
+}
+
+/// What follows the header, as far as it has not been read.
+struct Payload<'a> {
+    rest: &'a [u8],
+}
+
+impl<'a> Payload<'a> {
+    /// Returns the bytes of the next part; `None` if the file ends in it.
+    fn take(&mut self, part: &Part) -> Option<&'a [u8]> {
+        let (found, after) = self.rest.split_at_checked(usize::try_from(part.bytes).ok()?)?;
+        self.rest = after;
+        Some(found)
+    }
+
+    /// Returns the bytes of the next part, and fails with `what` if they are not those that were written.
+    fn sound(&mut self, part: &Part, what: &str) -> Result<&'a [u8]> {
+        self.take(part).filter(|bytes| crc32(bytes) == part.crc32).ok_or_else(|| damaged(what))
+    }
+}
+
+/// Reads the splats of the layers that are there, with their labels, and returns how many splats are missing.
+fn layers_of(header: &Header, payload: &mut Payload<'_>) -> Result<(Vec<(Splat, u8)>, u64)> {
     let lattice = Lattice::new(header.steps).ok_or_else(|| damaged("a step is out of range"))?;
     let mut models = Models::new(&header.ranges).ok_or_else(|| damaged("a range is out of range"))?;
     if header.cells.side_log2.unsigned_abs() > 200 {
         return Err(damaged("the cells are out of range"));
     }
-    let mut take = |part: &Part| {
-        let (found, after) = rest.split_at_checked(usize::try_from(part.bytes).ok()?)?;
-        rest = after;
-        Some(found)
-    };
-    let mut stored = Stored { form: form_name, ..Stored::default() };
-    if let Some(part) = &header.region {
-        let bytes = take(part).filter(|bytes| crc32(bytes) == part.crc32);
-        stored.bytes = Some(bytes.ok_or_else(|| damaged("the region is not as it was written"))?.to_vec());
-    }
-    let mut slabs: Vec<Vec<&[u8]>> = Vec::new();
-    for voxels in &header.voxels {
-        let bytes = voxels.slabs.iter().map(|part| take(part).filter(|bytes| crc32(bytes) == part.crc32));
-        slabs.push(
-            bytes
-                .collect::<Option<_>>()
-                .ok_or_else(|| damaged("the coded voxels are not as they were written"))?,
-        );
-    }
     let (mut found, mut missing) = (Vec::new(), 0u64);
     for (index, part) in header.layers.iter().enumerate() {
-        let Some(layer) = take(part).filter(|_| missing == 0) else {
+        let Some(layer) = payload.take(part).filter(|_| missing == 0) else {
             missing += part.count;
             continue;
         };
@@ -406,54 +476,7 @@ fn decoded(bytes: &[u8], options: &ReadOptions) -> Result<Loaded> {
         let count = part.count as usize;
         found.extend(layers::decode(layer, count, &mut models, &lattice, &header.cells).ok_or_else(broken)?);
     }
-    if missing > 0 {
-        let message = format!("the file ends early: {missing} of {declared} splats are missing");
-        if options.strict || found.is_empty() {
-            return Err(damaged(message));
-        }
-        tracing::warn!("{message}; what is there is shown, coarser");
-    } else if let (Some(part), Some(grid)) = (&header.exceptions, &grid) {
-        let bytes = take(part).filter(|bytes| crc32(bytes) == part.crc32);
-        let exceptions = bytes.and_then(|bytes| exceptions::decode(bytes, part.count as usize, grid));
-        stored.exceptions =
-            exceptions.ok_or_else(|| damaged("the exceptions are not as they were written"))?;
-    }
-    if options.strict && !rest.is_empty() {
-        return Err(damaged(format!("{} bytes follow its end", rest.len())));
-    }
-    let read = found.len();
-    found.retain(|(splat, _)| defect(splat).is_none());
-    let dropped = read - found.len();
-    if options.strict && dropped > 0 {
-        return Err(damaged(format!("{dropped} splats cannot be used")));
-    }
-    let labels = header.labels.then(|| found.iter().map(|(_, label)| *label).collect());
-    let splats: Vec<_> = found.into_iter().map(|(splat, _)| splat).collect();
-    let mut set = SplatSet::from_voxel(&splats, &affine, field);
-    let mut widened = 0;
-    for splat in &mut set.splats {
-        let log_scale = limit_anisotropy(splat.log_scale);
-        widened += usize::from(log_scale != splat.log_scale);
-        splat.log_scale = log_scale;
-    }
-    if widened > 0 {
-        tracing::warn!(widened, "splats thinner than 1/{ANISOTROPY_LIMIT} of their length were widened");
-    }
-    set.unit = Unit::from_name(&header.intensity).unwrap_or_default();
-    set.labels = labels;
-    set.label_names.clone_from(&header.label_names);
-    set.iterations = header.iterations;
-    set.grid = grid;
-    set.volume_crc32 = header.volume_crc32;
-    set.form = form;
-    set.rounding = Some(Rounding { steps: header.steps, cells: header.cells });
-    set.region = stored.region(&set)?.map_err(damaged)?;
-    set.voxels = coded(&header, &slabs, &set)?;
-    let names_ascend = set.label_names.is_sorted_by(|a, b| a.0 < b.0);
-    if !names_ascend || crate::ply::check(&set).is_err() {
-        return Err(damaged("the header states what no set can have"));
-    }
-    Ok(Loaded { set, header, dropped, widened, bytes: bytes.len() as u64 })
+    Ok((found, missing))
 }
 
 /// Reads the coded voxels of a set that has its region.

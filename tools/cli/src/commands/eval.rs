@@ -12,7 +12,7 @@ use engine::fit::evaluate::{self, Evaluation, Protocol};
 use engine::fit::place::place;
 use engine::output::write_atomic;
 use engine::render::decode;
-use engine::splat::Form;
+use engine::splat::{Form, SplatSet};
 use engine::volume::{BetweenSlices, nifti};
 use serde::Serialize;
 
@@ -216,23 +216,37 @@ pub fn run(arguments: &EvalArguments, console: &Console) -> std::result::Result<
             outputs: written.iter().map(|p| p.display().to_string()).collect(),
         })?;
     } else {
-        let shown = quality_text(evaluation);
-        let head = match is_coded {
-            true => format!("{} coded voxels\n{shown}", set.coded_count()),
-            false => format!("{} splats in {} voxels\n{shown}", splats.len(), case.roi.voxel_count()),
-        };
-        let of = range_of(arguments.range).1;
-        let field = ("as modes slab and exact show the splats", &of_field);
-        let decoded = ("as mode decoded shows them: on the scan's grid, interpolated", &of_decoded);
-        let tables = if of_grid { [decoded, field] } else { [field, decoded] };
-        let quality: String = tables
-            .iter()
-            .take(if is_coded { 1 } else { 2 })
-            .map(|(what, found)| format!("{what}:\n{}", quality_table(found, of)))
-            .collect();
-        console.data(&(head + &quality + &errors.table(&case.volume)))?;
+        console.data(&text(arguments, &set, &case, &of_decoded, &of_field, &errors))?;
     }
     Ok(0)
+}
+
+/// Returns the figures as text: those of what is shown, then those of the other way to see it.
+fn text(
+    arguments: &EvalArguments,
+    set: &SplatSet,
+    case: &Case,
+    of_decoded: &Evaluation,
+    of_field: &Evaluation,
+    errors: &ErrorsByPlace,
+) -> String {
+    let is_coded = !set.voxels.is_empty();
+    let of_grid = set.form != Form::Field;
+    let shown = quality_text(if of_grid { of_decoded } else { of_field });
+    let head = match is_coded {
+        true => format!("{} coded voxels\n{shown}", set.coded_count()),
+        false => format!("{} splats in {} voxels\n{shown}", set.splats.len(), case.roi.voxel_count()),
+    };
+    let of = range_of(arguments.range).1;
+    let field = ("as modes slab and exact show the splats", of_field);
+    let decoded = ("as mode decoded shows them: on the scan's grid, interpolated", of_decoded);
+    let tables = if of_grid { [decoded, field] } else { [field, decoded] };
+    let quality: String = tables
+        .iter()
+        .take(if is_coded { 1 } else { 2 })
+        .map(|(what, found)| format!("{what}:\n{}", quality_table(found, of)))
+        .collect();
+    head + &quality + &errors.table(&case.volume)
 }
 
 impl EvalArguments {

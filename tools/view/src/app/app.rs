@@ -7,7 +7,7 @@
 use std::path::PathBuf;
 
 use egui::{CentralPanel, CollapsingHeader, Panel, Rect, ScrollArea, Ui};
-use engine::error::{Error, Kind, Result};
+use engine::error::{Error, Result};
 use engine::render::{Camera, UsualLook};
 use engine::transfer::PRESETS;
 use glam::DVec3;
@@ -19,7 +19,7 @@ use crate::model::history::History;
 use crate::model::panel_info::{Measured, PanelInfo};
 use crate::model::series::Series;
 use crate::model::settings::Settings;
-use crate::model::state::{Bookmark, Edited, Files, Object, Subject, ViewState, is_session};
+use crate::model::state::{Bookmark, Edited, Object, ViewState, is_session};
 use crate::model::system_dialog::SystemDialog;
 use crate::model::transfer::Transfer;
 use crate::panels::editor::Editor;
@@ -183,7 +183,7 @@ impl App {
         });
     }
 
-    fn note_saved(&mut self) {
+    pub(super) fn note_saved(&mut self) {
         self.saved = (self.state.edited(), self.state.bookmarks.clone());
     }
 
@@ -315,199 +315,6 @@ impl App {
         left
     }
 
-    /// Carries out an action, or returns it if only the window can do it.
-    pub fn act(&mut self, action: Action, info: &PanelInfo<'_>) -> Option<Action> {
-        // Something is lost only if the user says so.
-        if self.loss(&action, info).any() && self.leaving.as_ref() != Some(&action) {
-            self.leaving = Some(action);
-            return None;
-        }
-        let state = &mut self.state;
-        match action {
-            Action::Open(_) => {
-                self.leaving = None;
-                return Some(action);
-            }
-            Action::SaveSplats { ref path, .. } => {
-                return self.may_write_splats(path, info).then_some(action);
-            }
-            Action::AskSaveSplats => {
-                if self.has_splats_to_write(info) {
-                    self.ask(Purpose::SaveSplats);
-                }
-            }
-            Action::AskSaveObject(object) => {
-                if self.has_splats_to_write(info) {
-                    self.ask(Purpose::SaveObject(object));
-                }
-            }
-            Action::Share { .. } => return self.has_splats_to_write(info).then_some(action),
-            Action::AskShare => {
-                if self.has_splats_to_write(info) {
-                    self.ask(Purpose::Share);
-                }
-            }
-            Action::Screenshot { .. }
-            | Action::Record { .. }
-            | Action::Beside(_)
-            | Action::Region(_)
-            | Action::StartFit { .. }
-            | Action::StopFit
-            | Action::Keep { .. }
-            | Action::DiscardFit
-            | Action::WantThumbnails
-            | Action::AskSeries
-            | Action::ReadFiles
-            | Action::Pack { .. }
-            | Action::BeginSession
-            | Action::Quit => return Some(action),
-            Action::AskPack if state.files.all().next().is_none() => {
-                self.refuse("There is nothing to pack", "open some files");
-            }
-            Action::AskPack => self.ask(Purpose::Pack),
-            Action::AskFound(path) => {
-                // Dialogs of the desktop take either a file or a folder.
-                let may_be_folder = path.extension().is_none();
-                self.missing.as_mut()?.wanted = Some(path);
-                if may_be_folder {
-                    self.ask_by_own_dialog(Purpose::Find);
-                } else {
-                    self.ask(Purpose::Find);
-                }
-            }
-            Action::Found(found) => {
-                let all = self.missing.as_mut()?.take(&found);
-                return all.then_some(Action::BeginSession);
-            }
-            Action::LeaveOutMissing => {
-                let state = &mut self.missing.as_mut()?.state;
-                state.files.missing().iter().for_each(|path| state.leave_out(path));
-                return Some(Action::BeginSession);
-            }
-            Action::AskBeside if state.files.splats.is_empty() => {
-                self.refuse("There are no splats for others to stand beside", "open some");
-            }
-            Action::AskBeside => self.ask(Purpose::Beside),
-            Action::CloseBeside if state.files.beside.is_none() => {}
-            Action::CloseBeside => {
-                state.files.beside = None;
-                state.forget_missing_files();
-                state.split.take_if(|_| !info.volume);
-                return Some(action);
-            }
-            Action::Series(number) => {
-                let Series { files, rows } = self.series.take()?;
-                let row = rows.into_iter().find(|row| row.summary.number == number)?;
-                state.files = Files { series: Some(row.key), ..files };
-                return Some(Action::ReadFiles);
-            }
-            Action::AskMask => self.ask(Purpose::Mask),
-            Action::AskKeep => self.ask(Purpose::Keep),
-            Action::Mask(path) => return Some(Action::Region(Some(self.fit_form.take_mask(path)))),
-            Action::ToggleFit if !info.volume && info.fit.is_none() => self.report(
-                &Error::new(Kind::NothingToDo, "VGS-VIEW-041", "there is no volume to fit splats to")
-                    .help("open a CT or an MR, or drop one on the window"),
-            ),
-            Action::ToggleFit => {
-                let open = &mut self.fit_form.open;
-                *open = !*open;
-                if *open {
-                    // The region is judged in the slices.
-                    (state.slices.shown, state.show.panels) = (true, true);
-                }
-            }
-            Action::AskOpen => self.ask(Purpose::Open),
-            Action::AskOpenFolder => self.ask(Purpose::OpenFolder),
-            Action::AskSave => self.ask(Purpose::Save),
-            Action::AskScreenshot => self.ask(Purpose::Screenshot),
-            Action::AskRecord => self.ask(Purpose::Record),
-            Action::AskTransfer => self.ask(Purpose::Transfer),
-            Action::AskSaveTransfer => self.ask(Purpose::SaveTransfer),
-            Action::Save { path, force } => {
-                let written = state.write(&path, force);
-                if written.is_ok() {
-                    self.note_saved();
-                    self.session = Some(path.clone());
-                }
-                let next = self.saves_to_leave.take().filter(|_| written.is_ok());
-                self.report_outcome(written, || format!("The session is in {}.", path.display()));
-                if let Some(next) = next {
-                    return self.act(next, info);
-                }
-            }
-            Action::SaveTransfer { path, force } => {
-                let written =
-                    state.transfer.function().and_then(|f| engine::transfer::save(&f, &path, force));
-                self.report_outcome(written, || format!("The transfer function is in {}.", path.display()));
-            }
-            Action::Transfer(name) => self.take_transfer(&name, info),
-            Action::Undo | Action::Redo => {
-                let edited = state.edited();
-                let step = match action {
-                    Action::Undo => self.history.undo(&edited),
-                    _ => self.history.redo(&edited),
-                };
-                step.into_iter().for_each(|edited| self.state.restore(edited));
-            }
-            Action::Flip => {
-                let at = Subject::ALL.iter().position(|subject| *subject == state.shown).unwrap_or(0);
-                let (before, after) = Subject::ALL.split_at(at + 1);
-                let next = after.iter().chain(before).find(|subject| info.has(**subject));
-                next.into_iter().for_each(|subject| state.shown = *subject);
-            }
-            Action::Split => {
-                let both = state.split.is_none() && info.has_two();
-                state.split = both.then_some(0.5);
-            }
-            Action::ToggleSlices => state.slices.shown = !state.slices.shown,
-            Action::NextMode => {
-                let modes = info.modes();
-                let next = modes.iter().position(|m| *m == state.mode).map_or(0, |at| (at + 1) % modes.len());
-                modes.get(next).into_iter().for_each(|mode| state.mode = *mode);
-            }
-            Action::NextPreset => self.step_preset(1, info),
-            Action::PreviousPreset => self.step_preset(PRESETS.len() - 1, info),
-            Action::SeeAll => self.fit = true,
-            Action::View(side) => state.orbit.look_from(side),
-            Action::Turn([azimuth, elevation]) => state.orbit.turn(azimuth, elevation),
-            Action::Measure => {
-                self.measuring = if self.measuring.is_none() { Some(None) } else { None };
-            }
-            Action::Clip => match state.clip.planes.first_mut() {
-                Some(plane) => plane.on = !plane.on,
-                None => {
-                    let plane = panels::clip::across(state, info);
-                    state.clip.planes.push(plane);
-                }
-            },
-            Action::Crop => match &mut state.clip.crop {
-                Some(crop) => crop.on = !crop.on,
-                None => state.clip.crop = Some(panels::clip::around(state, info)),
-            },
-            Action::DeleteInside => self.delete(true, info),
-            Action::DeleteOutside => self.delete(false, info),
-            Action::Cancel => {
-                self.measuring = None;
-                self.end_questions();
-                self.keys = false;
-                self.leaving = None;
-                self.messages.close();
-            }
-            Action::TogglePanels => state.show.panels = !state.show.panels,
-            Action::ToggleOverlay => state.show.overlay = !state.show.overlay,
-            Action::ToggleAnnotations => {
-                let show = &mut state.show;
-                let on = !(show.orientation || show.scale_bar || show.colour_bar || show.cube);
-                (show.orientation, show.scale_bar) = (on, on);
-                (show.colour_bar, show.cube) = (on, on);
-            }
-            Action::ToggleHandles => state.show.handles = !state.show.handles,
-            Action::ToggleKeys => self.keys = !self.keys,
-            Action::ToggleMessages => self.messages.listed = !self.messages.listed,
-        }
-        None
-    }
-
     /// Records changes as a step of the history, unless something is held. Opened files begin a new history.
     fn remember(&mut self, held: bool) {
         let edited = self.state.edited();
@@ -519,27 +326,27 @@ impl App {
     }
 
     /// Returns what would be lost by an action.
-    fn loss(&self, action: &Action, info: &PanelInfo<'_>) -> Loss {
+    pub(super) fn loss(&self, action: &Action, info: &PanelInfo<'_>) -> Loss {
         let ends = *action == Action::Quit;
         let begins = matches!(action, Action::Open(paths) if paths.iter().any(|path| is_session(path)));
         Loss { fit: ends && info.fit.is_some(), session: (ends || begins) && self.is_changed() }
     }
 
-    fn report_outcome(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
+    pub(super) fn report_outcome(&mut self, result: Result<()>, what: impl FnOnce() -> String) {
         match result {
             Ok(()) => self.done(what()),
             Err(error) => self.report(&error),
         }
     }
 
-    fn take_transfer(&mut self, name: &str, info: &PanelInfo<'_>) {
+    pub(super) fn take_transfer(&mut self, name: &str, info: &PanelInfo<'_>) {
         match engine::transfer::load(name, info.range) {
             Ok(function) => self.state.edit_transfer(|state| state.transfer = Transfer::new(&function)),
             Err(error) => self.report(&error),
         }
     }
 
-    fn step_preset(&mut self, by: usize, info: &PanelInfo<'_>) {
+    pub(super) fn step_preset(&mut self, by: usize, info: &PanelInfo<'_>) {
         let at = PRESETS.iter().position(|p| p.name == self.state.transfer.name);
         let next = at.map_or(0, |at| (at + by) % PRESETS.len());
         let next = Transfer::new(&PRESETS[next].over(info.range));

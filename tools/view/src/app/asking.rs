@@ -4,10 +4,40 @@ use egui::{Context, Key, Modifiers};
 
 use super::app::App;
 use crate::model::actions::Action;
+use crate::model::panel_info::PanelInfo;
 use crate::model::system_dialog::Reply;
 use crate::panels::prompt::{Answer, Asked, Prompt, Purpose};
 
 impl App {
+    /// Asks for the file that an action needs, if there is something to do with it; others are left alone.
+    pub(super) fn ask_for(&mut self, action: &Action, info: &PanelInfo<'_>) {
+        match action {
+            Action::AskSaveSplats if self.has_splats_to_write(info) => self.ask(Purpose::SaveSplats),
+            Action::AskSaveObject(object) if self.has_splats_to_write(info) => {
+                self.ask(Purpose::SaveObject(*object))
+            }
+            Action::AskShare if self.has_splats_to_write(info) => self.ask(Purpose::Share),
+            Action::AskPack if self.state.files.all().next().is_none() => {
+                self.refuse("There is nothing to pack", "open some files");
+            }
+            Action::AskPack => self.ask(Purpose::Pack),
+            Action::AskBeside if self.state.files.splats.is_empty() => {
+                self.refuse("There are no splats for others to stand beside", "open some");
+            }
+            Action::AskBeside => self.ask(Purpose::Beside),
+            Action::AskMask => self.ask(Purpose::Mask),
+            Action::AskKeep => self.ask(Purpose::Keep),
+            Action::AskOpen => self.ask(Purpose::Open),
+            Action::AskOpenFolder => self.ask(Purpose::OpenFolder),
+            Action::AskSave => self.ask(Purpose::Save),
+            Action::AskScreenshot => self.ask(Purpose::Screenshot),
+            Action::AskRecord => self.ask(Purpose::Record),
+            Action::AskTransfer => self.ask(Purpose::Transfer),
+            Action::AskSaveTransfer => self.ask(Purpose::SaveTransfer),
+            _ => {}
+        }
+    }
+
     /// Asks for a file.
     pub(super) fn ask(&mut self, purpose: Purpose) {
         if self.asked.is_some() {

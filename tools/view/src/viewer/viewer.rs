@@ -441,66 +441,7 @@ impl Viewer {
         let mut input = active.input.take_egui_input(&active.window);
         let more_input = self.input_queue.take(&mut input.events);
         let context = active.input.egui_ctx().clone();
-        let mut actions = Vec::new();
-        let Viewer {
-            app,
-            data,
-            data_number,
-            loader,
-            statistics,
-            object_splats,
-            range,
-            draft,
-            thumbnails,
-            ..
-        } = self;
-        let fit = self.fit.as_ref().map(|shown| shown.fitting.status());
-        let of_fit = fit
-            .filter(|fit| fit.stage != Stage::Ended)
-            .map(|fit| (if fit.stage == Stage::Running { "fitting" } else { fit.doing }, fit.share()));
-        let read = self.open_files.read();
-        let files = &app.state.files;
-        // While another region is being found, the volume still has the one before.
-        let is_read = read.has_volume_of(files) && read.region() == files.region();
-        let split = app.state.split;
-        let canvas = &active.canvas;
-        let depth = |place: DVec2| canvas.depth_at(place, split);
-        let sample = |at_mm| data.sample(Subject::Splats, at_mm);
-        let sample_beside = |at_mm| data.sample(Subject::Beside, at_mm);
-        let sample_whole = |at_mm| data.sample_whole(at_mm);
-        let info = PanelInfo {
-            bounds: canvas.bounds(),
-            range: *range,
-            unit: data.unit().text(),
-            oriented: data.oriented(),
-            splats: data.shown_splats().map(|splats| splats.set.count()),
-            kind: data.set(Subject::Splats).map(SplatKind::of),
-            has_region: data.set(Subject::Splats).is_some_and(|set| set.region.is_some()),
-            sigma_mm: canvas.splats_of(Subject::Splats).map(|splats| splats.sigma_mm),
-            deleted: data.deleted_count(),
-            beside: data.has(Subject::Beside),
-            volume: data.has(Subject::Volume),
-            object_splats,
-            object_intensities: data.left_splats().map_or(&[], |splats| &splats.intensities),
-            splat_histogram: data.splat_histogram.as_ref().filter(|_| data.fitted.is_none()),
-            volume_histogram: data.volume_histogram.as_ref(),
-            error: data.error(),
-            error_shown: self.error_shown,
-            fitted: data.fitted.is_some(),
-            fit,
-            region: data.volume.as_ref().filter(|_| is_read).and_then(|volume| volume.size),
-            volume_bounds: data.volume_bounds(),
-            data: *data_number,
-            draft: *draft,
-            thumbnails: Some(thumbnails),
-            statistics,
-            progress: loader.doing().or(of_fit),
-            depth: &depth,
-            sample: &sample,
-            sample_beside: &sample_beside,
-            sample_whole: &sample_whole,
-        };
-        let mut output = context.run_ui(input, |ui| actions = app.ui(ui, &info));
+        let (mut output, actions) = self.panels(input, &context, &active.canvas);
         active.canvas.take_textures(std::mem::take(&mut output.textures_delta));
         active.input.handle_platform_output(&active.window, std::mem::take(&mut output.platform_output));
         let mut quit = false;
@@ -542,6 +483,75 @@ impl Viewer {
             window.request_redraw();
         }
         Ok(Next { again: again.filter(|after| !after.is_zero()), quit, dragged })
+    }
+
+    /// Lays out the panels, and returns what the user asked for with them.
+    fn panels(
+        &mut self,
+        input: egui::RawInput,
+        context: &egui::Context,
+        canvas: &Canvas,
+    ) -> (egui::FullOutput, Vec<Action>) {
+        let mut actions = Vec::new();
+        let Viewer {
+            app,
+            data,
+            data_number,
+            loader,
+            statistics,
+            object_splats,
+            range,
+            draft,
+            thumbnails,
+            ..
+        } = self;
+        let fit = self.fit.as_ref().map(|shown| shown.fitting.status());
+        let of_fit = fit
+            .filter(|fit| fit.stage != Stage::Ended)
+            .map(|fit| (if fit.stage == Stage::Running { "fitting" } else { fit.doing }, fit.share()));
+        let read = self.open_files.read();
+        let files = &app.state.files;
+        // While another region is being found, the volume still has the one before.
+        let is_read = read.has_volume_of(files) && read.region() == files.region();
+        let split = app.state.split;
+        let depth = |place: DVec2| canvas.depth_at(place, split);
+        let sample = |at_mm| data.sample(Subject::Splats, at_mm);
+        let sample_beside = |at_mm| data.sample(Subject::Beside, at_mm);
+        let sample_whole = |at_mm| data.sample_whole(at_mm);
+        let info = PanelInfo {
+            bounds: canvas.bounds(),
+            range: *range,
+            unit: data.unit().text(),
+            oriented: data.oriented(),
+            splats: data.shown_splats().map(|splats| splats.set.count()),
+            kind: data.set(Subject::Splats).map(SplatKind::of),
+            has_region: data.set(Subject::Splats).is_some_and(|set| set.region.is_some()),
+            sigma_mm: canvas.splats_of(Subject::Splats).map(|splats| splats.sigma_mm),
+            deleted: data.deleted_count(),
+            beside: data.has(Subject::Beside),
+            volume: data.has(Subject::Volume),
+            object_splats,
+            object_intensities: data.left_splats().map_or(&[], |splats| &splats.intensities),
+            splat_histogram: data.splat_histogram.as_ref().filter(|_| data.fitted.is_none()),
+            volume_histogram: data.volume_histogram.as_ref(),
+            error: data.error(),
+            error_shown: self.error_shown,
+            fitted: data.fitted.is_some(),
+            fit,
+            region: data.volume.as_ref().filter(|_| is_read).and_then(|volume| volume.size),
+            volume_bounds: data.volume_bounds(),
+            data: *data_number,
+            draft: *draft,
+            thumbnails: Some(thumbnails),
+            statistics,
+            progress: loader.doing().or(of_fit),
+            depth: &depth,
+            sample: &sample,
+            sample_beside: &sample_beside,
+            sample_whole: &sample_whole,
+        };
+        let output = context.run_ui(input, |ui| actions = app.ui(ui, &info));
+        (output, actions)
     }
 
     /// Carries out what only the window can do. Returns true if the program is to end.

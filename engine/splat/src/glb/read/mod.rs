@@ -159,26 +159,8 @@ fn decoded(mut stream: impl Read + Seek, bytes: u64, options: &ReadOptions) -> R
         return Err(Error::new(Kind::BadData, "VGS-GLB-003", message)
             .help("meshes are not read; write splats with this extension, as a PLY or as SPZ"));
     }
-    let mut counts = Vec::new();
-    let mut total = 0;
-    for instance in &instances {
-        check_attributes(instance)?;
-        let place = ("POSITION", instance.primitive.attributes["POSITION"]);
-        let count = document.numbers(&binary, place, 3)?.count;
-        counts.push(count);
-        total += count as u64;
-    }
-    if total > options.max_splats {
-        let message = format!("{total} splats, at most {} are allowed", options.max_splats);
-        return Err(
-            Error::new(Kind::BadData, "VGS-GLB-005", message).help("divide the file into smaller ones")
-        );
-    }
-    if total.saturating_mul(PLACE_BYTES) > binary.end - binary.start {
-        let message = format!("{total} splats, since nodes show the same ones again and again");
-        return Err(Error::new(Kind::BadData, "VGS-GLB-006", message)
-            .help("write each splat once, with the program that it is from"));
-    }
+    let counts = counts(&instances, &document, &binary, options)?;
+    let total = counts.iter().sum::<usize>() as u64;
     let has = |name: &str| instances.iter().all(|i| i.primitive.attributes.contains_key(name));
     let intensity = [HU, INTENSITY].into_iter().find(|name| has(name));
     let labelled = has(LABEL);
@@ -248,6 +230,36 @@ fn decoded(mut stream: impl Read + Seek, bytes: u64, options: &ReadOptions) -> R
     let mut properties: Vec<_> = instances[0].primitive.attributes.keys().cloned().collect();
     properties.sort();
     Ok(Loaded { set, mended, bytes, layout, properties })
+}
+
+/// Returns the number of splats of each instance, and fails if they are more than are allowed or can be.
+fn counts(
+    instances: &[Instance],
+    document: &Document,
+    binary: &Range<u64>,
+    options: &ReadOptions,
+) -> Result<Vec<usize>> {
+    let mut counts = Vec::new();
+    let mut total = 0;
+    for instance in instances {
+        check_attributes(instance)?;
+        let place = ("POSITION", instance.primitive.attributes["POSITION"]);
+        let count = document.numbers(binary, place, 3)?.count;
+        counts.push(count);
+        total += count as u64;
+    }
+    if total > options.max_splats {
+        let message = format!("{total} splats, at most {} are allowed", options.max_splats);
+        return Err(
+            Error::new(Kind::BadData, "VGS-GLB-005", message).help("divide the file into smaller ones")
+        );
+    }
+    if total.saturating_mul(PLACE_BYTES) > binary.end - binary.start {
+        let message = format!("{total} splats, since nodes show the same ones again and again");
+        return Err(Error::new(Kind::BadData, "VGS-GLB-006", message)
+            .help("write each splat once, with the program that it is from"));
+    }
+    Ok(counts)
 }
 
 fn unread_extension(name: &str) -> Error {

@@ -108,25 +108,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     if let Some(set) = &set {
         warn_of_unseen(set, &look, row.own_functions, arguments.tf.is_some());
     }
-    if arguments.object.iter().any(ObjectChange::has_function) && !row.own_functions {
-        tracing::warn!(
-            "mode {} shows all objects by one transfer function; --mode decoded knows tf=",
-            row.name
-        );
-    }
-    if look.depends_on_gradient() && !row.gradient_opacity {
-        tracing::warn!("mode {} shows no gradient opacity; modes volume and decoded do", row.name);
-    }
-    let material = look.transfer.material;
-    if arguments.occlusion.is_some_and(|occlusion| occlusion > 0.0) {
-        if !row.occlusion {
-            tracing::warn!("mode {} shows no ambient occlusion; modes volume and decoded do", row.name);
-        } else if !material.shade {
-            tracing::warn!(
-                "--occlusion takes light away, and this transfer function has none; add --shade on"
-            );
-        }
-    }
+    warn_of_unheeded(arguments, row, &look);
     // A frame as it is rendered, and as it is written: over a background, in bytes, with a depth.
     let pixels: u64 = size.iter().map(|&n| u64::from(n)).product();
     memory::require(pixels.saturating_mul(BYTES_A_PIXEL), "a picture of this --size")?;
@@ -158,24 +140,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     }
     let mut renderer = Renderer::new(&gpu, row, &scene, &settings)?;
     drop(preparing);
-    let measured = error.as_ref().map(|error| {
-        let figures = &error.figures;
-        console.say(&format!(
-            "the error is below {:.1}{unit} in 99 of 100 voxels, {:.1}{unit} in the mean, of {} voxels; full blue is \
-             {:.1}{unit} too low, full red as much too high",
-            figures.p99_hu,
-            figures.mean_error_hu,
-            error.voxels,
-            error_range,
-            unit = error.unit,
-        ));
-        ErrorOutput {
-            voxels: error.voxels,
-            mean_error_hu: figures.mean_error_hu,
-            p99_hu: figures.p99_hu,
-            range_hu: error_range,
-        }
-    });
+    let measured = error.as_ref().map(|error| tell_error(error, error_range, console));
     let start = Instant::now();
     // The frames of a turntable are counted instead.
     let _rendering = arguments.turntable.turntable.is_none().then(|| Waiting::on("rendering"));
@@ -189,6 +154,48 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let seconds = start.elapsed().as_secs_f64() / f64::from(count);
     arguments.report(console, row, &gpu, &scene, &files, count, seconds, measured)?;
     Ok(0)
+}
+
+/// Says by what error surfaces are coloured, up to `error_range`, and returns it for `--json`.
+fn tell_error(error: &ShownError, error_range: f64, console: &Console) -> ErrorOutput {
+    let figures = &error.figures;
+    console.say(&format!(
+        "the error is below {:.1}{unit} in 99 of 100 voxels, {:.1}{unit} in the mean, of {} voxels; full blue is \
+         {:.1}{unit} too low, full red as much too high",
+        figures.p99_hu,
+        figures.mean_error_hu,
+        error.voxels,
+        error_range,
+        unit = error.unit,
+    ));
+    ErrorOutput {
+        voxels: error.voxels,
+        mean_error_hu: figures.mean_error_hu,
+        p99_hu: figures.p99_hu,
+        range_hu: error_range,
+    }
+}
+
+/// Warns of what the user asks for and this mode does not show.
+fn warn_of_unheeded(arguments: &RenderArguments, row: &ModeRow, look: &Look) {
+    if arguments.object.iter().any(ObjectChange::has_function) && !row.own_functions {
+        tracing::warn!(
+            "mode {} shows all objects by one transfer function; --mode decoded knows tf=",
+            row.name
+        );
+    }
+    if look.depends_on_gradient() && !row.gradient_opacity {
+        tracing::warn!("mode {} shows no gradient opacity; modes volume and decoded do", row.name);
+    }
+    if arguments.occlusion.is_some_and(|occlusion| occlusion > 0.0) {
+        if !row.occlusion {
+            tracing::warn!("mode {} shows no ambient occlusion; modes volume and decoded do", row.name);
+        } else if !look.transfer.material.shade {
+            tracing::warn!(
+                "--occlusion takes light away, and this transfer function has none; add --shade on"
+            );
+        }
+    }
 }
 
 /// Number of steps of a colour bar.

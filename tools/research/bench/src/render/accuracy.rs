@@ -5,7 +5,8 @@ use engine::image::{Image, flip, psnr, ssim};
 use engine::render::{Camera, Look, Scene, VolumeSource};
 use engine::splat::{Packed, SplatSet};
 use engine::transfer::TransferFunction;
-use engine::volume::BetweenSlices;
+use engine::volume::edges::Edges;
+use engine::volume::{self, BetweenSlices};
 use engine::{Error, Kind, Result};
 
 use super::config::{Classify, Rendering, Section};
@@ -39,7 +40,8 @@ pub fn measure(
         cameras: place.cameras(&unit.orbit, &unit.views())?,
     };
     let first = Look::new(place.transfer(&unit.transfers[0])?);
-    let (volume, roi) = BetweenSlices::default().shown(&place.volume, Some(&place.roi));
+    let (volume, roi) =
+        volume::shown(&place.volume, Some(&place.roi), BetweenSlices::default(), Edges::default());
     let ct = VolumeSource { volume: &volume, roi: roi.as_deref() };
     let mut stage = Stage {
         full: Scene::new(gpu, Some(set), needs_volume(unit).then_some(&ct), &first)?,

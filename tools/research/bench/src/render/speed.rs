@@ -9,7 +9,8 @@ use engine::gpu::{Gpu, GpuOptions};
 use engine::image::Image;
 use engine::render::{Camera, Look, Scene, VolumeSource};
 use engine::splat::SplatSet;
-use engine::volume::BetweenSlices;
+use engine::volume::edges::Edges;
+use engine::volume::{self, BetweenSlices};
 
 use super::accuracy::{checked, mse};
 use super::config::{Classify, Part, Rendering};
@@ -120,7 +121,12 @@ impl Contestant {
     ) -> Result<Self> {
         let of_splats = mode_row(rendering).is_some_and(|row| row.of_splats);
         let gpu = Gpu::new(options)?;
-        let (volume, roi) = BetweenSlices::default().shown(&place.volume, (!whole).then_some(&place.roi));
+        let (volume, roi) = volume::shown(
+            &place.volume,
+            (!whole).then_some(&place.roi),
+            BetweenSlices::default(),
+            Edges::default(),
+        );
         let ct = VolumeSource { volume: &volume, roi: roi.as_deref() };
         let scene = match of_splats {
             true => Scene::new(&gpu, Some(set), None, look)?,

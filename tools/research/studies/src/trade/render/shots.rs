@@ -6,7 +6,8 @@ use engine::gpu::Gpu;
 use engine::image::Image;
 use engine::render::{Camera, Frames, Look, Precision, QualityLevel, Scene, Settings, VolumeSource, mode};
 use engine::splat::SplatSet;
-use engine::volume::BetweenSlices;
+use engine::volume::edges::Edges;
+use engine::volume::{self, BetweenSlices};
 use serde::{Deserialize, Serialize};
 
 use super::plan::Choice;
@@ -96,7 +97,8 @@ impl Keep for Record {
 /// Renders all pictures of a unit, of splats of both of its fits, and compares them with the reference.
 pub fn measure(unit: &Unit, place: &Place, set: &SplatSet, grid_set: &SplatSet, gpu: &Gpu) -> Result<Record> {
     let look = Look::new(place.transfer(&unit.transfer)?);
-    let (volume, roi) = BetweenSlices::default().shown(&place.volume, Some(&place.roi));
+    let (volume, roi) =
+        volume::shown(&place.volume, Some(&place.roi), BetweenSlices::default(), Edges::default());
     let ct = VolumeSource { volume: &volume, roi: roi.as_deref() };
     let mut full = Scene::new(gpu, Some(set), Some(&ct), &look)?;
     let packed = Scene::with_precision(gpu, Some(set), None, &look, Precision::Packed)?;
