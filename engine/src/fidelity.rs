@@ -58,7 +58,7 @@ pub fn in_volume(set: &SplatSet, volume: &Volume) -> Result<Vec<Splat>> {
     if lies || splats.iter().any(|s| inside(DVec3::from_array(s.mean.map(f64::from)))) {
         return Ok(splats);
     }
-    let message = "no splat lies in the volume: they are of different scans, or one lost its place";
+    let message = "no splat lies in the volume: they are of different scans, or one lost its position";
     Err(Error::new(Kind::BadData, "VGS-FIT-041", message))
 }
 

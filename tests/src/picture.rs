@@ -11,7 +11,7 @@ use engine::image::{self, Image, WriteOptions};
 /// Greatest size of a golden picture, bytes.
 const MOST_BYTES: u64 = 32 << 10;
 /// Greatest differences of a picture from its golden one, in the 255 steps of a channel: on average, and for
-/// 99 of 100 pixels.
+/// 99 % of the pixels.
 const MEAN: f64 = 0.6;
 const PERCENTILE: f64 = 2.0;
 

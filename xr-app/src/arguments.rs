@@ -3,7 +3,6 @@
 use std::path::{Path, PathBuf};
 
 use clap::{Parser, ValueEnum};
-use engine::gpu::Fault;
 use engine::render::ObjectChange;
 use engine::{Error, Kind, Result};
 
@@ -94,9 +93,6 @@ pub struct HeadsetArguments {
     /// Device by index or part of its name, for --simulated; a headset is bound to its own
     #[arg(long, value_name = "DEVICE")]
     pub device: Option<String>,
-    /// Lets a call of the driver fail, the N-th of its kind, counted from 1: to see on any device what is done then
-    #[arg(long, value_name = "CALL:N:FAILURE", hide = true)]
-    pub fault: Option<Fault>,
     /// Turns on the validation layers of Vulkan, and fails if they have anything to say
     #[arg(long)]
     pub validation: bool,

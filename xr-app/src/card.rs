@@ -8,8 +8,8 @@ pub const CONTROLLERS: [[&str; 2]; 9] = [
     ["Thumbstick, right", "level up and down, width sideways"],
     ["Thumbstick pressed", "show or hide the panel"],
     ["A, X", "next preset, previous preset"],
-    ["B", "a cutting plane in the hand; again: it stays; again: it goes"],
-    ["Y", "undo; held for a second: put everything back"],
+    ["B", "cutting plane: in the hand, fixed, off"],
+    ["Y", "undo; hold for a second to reset"],
     ["Grip on the panel's frame", "carry the panel"],
 ];
 
@@ -21,6 +21,6 @@ pub const BARE: [[&str; 2]; 3] = [
 ];
 
 /// Heading of the card.
-pub const HEADING: &str = "What hands do";
+pub const HEADING: &str = "Controls";
 /// Last line of the card.
 pub const CLOSING: &str = "Pull a trigger to close this card. For looking, not for diagnosis.";

@@ -258,7 +258,7 @@ impl Controls {
                 self.reset();
             }
             (Some(before), Some(now)) if before < SOON && now >= SOON => {
-                self.feedback.say("Hold on to put everything back");
+                self.feedback.say("Keep holding to reset");
             }
             _ => {}
         }
@@ -272,10 +272,10 @@ impl Controls {
             if let Some(grip) = hand.grip.filter(|_| planes.len() < MOST_PLANES) {
                 let plane = self.plane(&grip);
                 self.state.clip.planes.push(standing(&plane));
-                self.feedback.say("The cutting plane stays");
+                self.feedback.say("Cutting plane fixed");
             }
         } else if self.state.clip.planes.pop().is_some() {
-            self.feedback.say("No cutting plane");
+            self.feedback.say("Cutting plane off");
         } else if self.state.clip.planes().len() < PLANES {
             self.cutting = true;
             self.feedback.say("Cutting plane in the hand");
@@ -293,7 +293,7 @@ impl Controls {
         let ViewState { transfer, objects: there, clip: planes, edges: now, .. } = &self.state;
         let there = (&self.placement, transfer, there, planes, now);
         if there == (&self.home, &self.base, &objects, &clip, &edges) && !self.cutting {
-            self.feedback.say("Everything is as at the start");
+            self.feedback.say("Nothing to reset");
             return;
         }
         self.before.truncate(self.resets);
@@ -303,7 +303,7 @@ impl Controls {
         (self.state.transfer, self.state.objects, self.state.clip) = (self.base.clone(), objects, clip);
         self.state.edges = edges;
         self.cutting = false;
-        self.feedback.say("Everything is put back; undo brings it again");
+        self.feedback.say("Reset; undo brings it back");
     }
 
     /// Goes one step back.
@@ -315,7 +315,7 @@ impl Controls {
     /// Goes one step forward again.
     pub fn redo(&mut self) {
         let step = self.history.redo(&self.step());
-        self.go_to(step, "Done again", "Nothing to do again");
+        self.go_to(step, "Done again", "Nothing to redo");
     }
 
     /// Returns true if there is a step to undo, and one to redo.

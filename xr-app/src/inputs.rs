@@ -87,7 +87,7 @@ pub fn read(wanted: &Wanted) -> Result<(Content, Start)> {
     }
     if files.volume.is_none() && (files.roi.is_some() || wanted.series.is_some()) {
         return Err(Error::new(Kind::Usage, "VGS-XR-029", "--roi and --series are those of a volume")
-            .help("give the volume with --volume"));
+            .help("name the volume with --volume"));
     }
     let files = state.files.clone();
     let shows_volume = files.splats.is_empty() || has_session && state.shown == Subject::Volume;
@@ -152,7 +152,7 @@ pub fn left(splats: LoadedSplats, deleted: &[Deletion]) -> Result<LoadedSplats> 
     }
     let left = splats.without(deleted);
     match left.set.is_empty() {
-        true => Err(nothing("all splats of the session are deleted: restore some in `vgs view`")),
+        true => Err(nothing("all splats of the session are deleted; restore some in `vgs view`")),
         false => Ok(left),
     }
 }

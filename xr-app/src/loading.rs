@@ -9,7 +9,7 @@ use crate::headset::Headset;
 use crate::viewer::{Options, Viewer};
 
 /// The words.
-const WORDS: &str = "Loading the patient …";
+const WORDS: &str = "Loading …";
 
 /// Shows the words, which stay while the scene is made: a runtime shows the last frame until the next one. (Frames
 /// meanwhile would use the device's queue beside what is made, which Vulkan forbids.) Returns true if the session has

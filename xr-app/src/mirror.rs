@@ -95,7 +95,7 @@ impl Opened {
         events.pump_app_events(Some(Duration::ZERO), &mut mirror_window);
         match &mirror_window.window {
             Some(window) => Ok(Opened { window: Arc::clone(window), shown, events, mirror_window }),
-            None => Err(no_window(mirror_window.failure.as_deref().unwrap_or("it does not come up"))),
+            None => Err(no_window(mirror_window.failure.as_deref().unwrap_or("it does not appear"))),
         }
     }
 

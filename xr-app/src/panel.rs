@@ -278,7 +278,7 @@ fn sections(ui: &mut Ui, editor: &mut Editor, content: &mut PanelContent<'_>, re
                 ("Undo", undo, Request::Action(Action::Undo)),
                 ("Redo", redo, Request::Action(Action::Redo)),
                 ("Reset", true, Request::Reset),
-                ("What hands do", true, Request::Card),
+                ("Controls", true, Request::Card),
             ] {
                 if ui.add_enabled(enabled, Button::new(text)).clicked() {
                     requests.push(request);
@@ -414,7 +414,7 @@ mod tests {
         let can_go = [false; 2];
         let mut content =
             PanelContent { state, info: &info, measuring: false, scale: 1.0, quality: "", can_go };
-        let notice = Mark::Notice("Hold on to put everything back".into());
+        let notice = Mark::Notice("Keep holding to reset".into());
         let marks = vec![Mark::Text("7 HU".into()), Mark::Cursor, notice, Mark::Frame(true), Mark::Card];
         let mut made = panel.update(seconds, true, pointer, marks, &mut content);
         made.iter_mut().for_each(|made| made.textures.clear());

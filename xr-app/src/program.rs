@@ -83,7 +83,6 @@ pub(crate) fn session(
         device: arguments.device.clone(),
         validation: arguments.validation,
         windows,
-        fault: arguments.fault.clone(),
         ..GpuOptions::default()
     };
     if arguments.simulated {
@@ -195,7 +194,7 @@ fn show(
     // What was made is kept, and the measurements are reported, however the session ended.
     let kept = viewer.finish_keeping();
     if let Ok(Some(path)) = &kept {
-        println!("what was made is in {}", path.display());
+        println!("outputs are in {}", path.display());
     }
     let report = viewer.report(headset);
     print(&report);

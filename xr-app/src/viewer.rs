@@ -293,7 +293,9 @@ impl Viewer {
         }
         match self.make_edges(wanted) {
             Ok(()) => self.frames.renew(&self.scene),
-            Err(error) => self.controls.feedback.say(format!("The edges stay: {}", error.message)),
+            Err(error) => {
+                self.controls.feedback.say(format!("The edges were not changed: {}", error.message))
+            }
         }
         Ok(())
     }

@@ -181,8 +181,8 @@ fn what_fails_on_the_device_ends_the_session() {
         ("memory:37:device-memory", "VGS-GPU-024"),
         ("memory:51:device-memory", "VGS-GPU-024"),
     ] {
-        let arguments = ["--frames", "200", "--force", "--fault", fault];
-        let output = program(&tools, folder.path(), &arguments).output().expect("tools");
+        let mut command = program(&tools, folder.path(), &["--frames", "200", "--force"]);
+        let output = command.env("VGS_FAULT", fault).output().expect("tools");
         let text = said(&output);
         let code = output.status.code();
         let has_another_way = fault.starts_with("memory") && code == Some(0);

@@ -87,7 +87,7 @@ config! {
         /// PSNR at the voxels of the region that is to be reached, dB: the number of splats is then what that
         /// takes; 0: no such goal.
         target_psnr: f32 = 0.0,
-        /// Error that 99 of 100 voxels of the region are to stay within, HU: the number of splats is then what
+        /// Error that 99 % of the voxels of the region are to stay within, HU: the number of splats is then what
         /// that takes; 0: no such goal.
         target_hu: f32 = 0.0,
         /// Most times that splats are added where a finished fit misses its goal; 0: the number that short

@@ -46,7 +46,7 @@ const NEAR: f64 = 0.4;
 /// goal say of it is believed.
 const SLOPE: f64 = 3.5;
 const SLOPES: [f64; 2] = [0.8, 8.0];
-/// What a trial still lacks of a fit of 300 iterations, dB of the error of 99 of 100 voxels, by density; medians of bones,
+/// What a trial still lacks of a fit of 300 iterations, dB of the error of 99 % of the voxels, by density; medians of bones,
 /// liver and vessels of a torso (`docs/results/tradeoffs.md`).
 const LACKS: [(f64, f64); 5] = [(0.0125, 0.7), (0.025, 0.9), (0.05, 0.9), (0.1, 1.3), (0.2, 2.3)];
 

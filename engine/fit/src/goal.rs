@@ -36,7 +36,7 @@ impl Goal {
     /// Describes the goal in a few words; `unit` is the text behind an intensity.
     pub fn text(&self, unit: &str) -> String {
         let psnr = self.psnr_db.map(|db| format!("a PSNR of {db} dB"));
-        let p99 = self.p99_hu.map(|hu| format!("99 of 100 voxels within {hu}{unit} of the scan"));
+        let p99 = self.p99_hu.map(|hu| format!("99 % of the voxels within {hu}{unit} of the scan"));
         psnr.into_iter().chain(p99).collect::<Vec<_>>().join(" with ")
     }
 

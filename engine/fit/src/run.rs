@@ -177,7 +177,7 @@ impl<'a> Problem<'a> {
         if count as f64 > most {
             let message = format!("{count} splats for a region of {:.0} voxels", self.native_voxels);
             return Err(Error::new(Kind::Usage, "VGS-FIT-040", message).help(format!(
-                "choose at most {most:.0}; 0.1 a voxel is usual, and more than 1 helps nobody"
+                "choose at most {most:.0}; 0.1 a voxel is usual, and more than 1 is never useful"
             )));
         }
         memory::require(count as u64 * HOST_BYTES_A_SPLAT, &format!("{count} splats"))?;

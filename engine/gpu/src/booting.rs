@@ -4,6 +4,8 @@ use std::sync::Arc;
 
 use ash::vk;
 
+#[cfg(feature = "fault")]
+use super::Fault;
 use super::boot::Own;
 use super::device_description::{describe_all, offers, queue_family};
 use super::features::Features;
@@ -20,14 +22,17 @@ impl Gpu {
 
     /// Boots with an instance and a device that `boot` creates.
     pub fn with_boot(boot: &dyn Boot, options: &GpuOptions) -> Result<Self> {
+        #[cfg_attr(not(feature = "fault"), expect(unused_mut, reason = "only a fault changes it"))]
         let mut instance = Instance::new(boot, options)?;
         let (physical, mut description) = choose(boot, options, &instance)?;
         description.subgroup_size = options.subgroup_size.unwrap_or(description.subgroup_size);
         let queue_family = queue_family(&instance.handle, physical).unwrap_or_default();
-        let mut device = create_device(boot, options, &instance, physical, queue_family, false)?;
-        if let Some(fault) = &options.fault {
-            device = fault.install(&mut instance.handle, &device, queue_family);
-        }
+        let device = create_device(boot, options, &instance, physical, queue_family, false)?;
+        #[cfg(feature = "fault")]
+        let device = match Fault::in_force(options.fault.as_ref())? {
+            Some(fault) => fault.install(&mut instance.handle, &device, queue_family),
+            None => device,
+        };
         let pushes = pushes_descriptors(options, &instance, physical);
         Context::new(instance, physical, device, queue_family, description, pushes, options)
             .map(|context| Gpu(Arc::new(context)))

@@ -6,6 +6,8 @@ use std::sync::atomic::Ordering;
 
 use ash::vk;
 
+#[cfg(feature = "fault")]
+use super::Fault;
 use super::c_name::c_name;
 use super::device_description::offers;
 use super::hitches::Counters;
@@ -15,7 +17,7 @@ use super::pipeline::{Pipeline, Pipelines};
 use super::pipeline_creation::Builder;
 use super::submissions::Submissions;
 use super::times::Times;
-use super::{DeviceDescription, Fault, GpuOptions, Limits, Recipe, check, lock, pipeline_cache};
+use super::{DeviceDescription, GpuOptions, Limits, Recipe, check, lock, pipeline_cache};
 use base::error::Result;
 
 /// Everything that lives as long as the device. `Drop` destroys by hand, in order; the instance goes last.
@@ -70,7 +72,10 @@ impl Context {
                 .then(|| ash::ext::debug_utils::Device::new(&handle, &device)),
             tells_budget: offers(&handle, physical, ash::ext::memory_budget::NAME),
             free_limit: options.free_limit,
-            alone: options.fault.as_ref().is_some_and(Fault::meets_memory),
+            #[cfg(feature = "fault")]
+            alone: Fault::in_force(options.fault.as_ref())?.is_some_and(Fault::meets_memory),
+            #[cfg(not(feature = "fault"))]
+            alone: false,
             instance,
             physical,
             description,

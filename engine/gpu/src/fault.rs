@@ -9,12 +9,13 @@ use std::collections::BTreeMap;
 use std::ffi::{CStr, c_char};
 use std::str::FromStr;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering};
-use std::sync::{Arc, Mutex};
+use std::sync::{Arc, Mutex, OnceLock};
 
 use ash::vk;
 use ash::vk::Handle as _;
 
 use super::lock;
+use base::error::{Error, Kind};
 
 /// A kind of calls of the driver.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -67,6 +68,21 @@ impl Fault {
     /// Creates a fault of the `nth` call of a kind, counted from 1.
     pub fn new(call: Call, nth: u64, failure: Failure) -> Self {
         Fault(Arc::new(Plan { call, nth: AtomicU64::new(nth), failure, calls: AtomicU64::new(0) }))
+    }
+
+    /// Returns the fault that is `given`, or else that of the environment: `VGS_FAULT=CALL:N:FAILURE`, whose calls are
+    /// counted from the start of the program.
+    pub(super) fn in_force(given: Option<&Fault>) -> base::Result<Option<&Fault>> {
+        static OF_ENVIRONMENT: OnceLock<Option<Result<Fault, String>>> = OnceLock::new();
+        let of_environment = || std::env::var("VGS_FAULT").ok().map(|text| text.parse());
+        match (given, OF_ENVIRONMENT.get_or_init(of_environment)) {
+            (Some(fault), _) | (None, Some(Ok(fault))) => Ok(Some(fault)),
+            (None, Some(Err(why))) => {
+                Err(Error::new(Kind::Usage, "VGS-GPU-052", format!("VGS_FAULT: {why}"))
+                    .help("correct or unset it"))
+            }
+            (None, None) => Ok(None),
+        }
     }
 
     /// Counts from here anew: the `nth` call from now on fails. A device that was lost stays so.

@@ -1,6 +1,8 @@
 //! The options of booting.
 
-use super::{Fault, MessageLog, Windows};
+#[cfg(feature = "fault")]
+use super::Fault;
+use super::{MessageLog, Windows};
 
 /// The options of booting.
 #[derive(Clone, Debug, Default)]
@@ -18,7 +20,8 @@ pub struct GpuOptions {
     pub subgroup_size: Option<u32>,
     /// True if passes bind sets of descriptors from pools even where the device takes pushed ones; for tests.
     pub descriptor_pools: bool,
-    /// A call of the driver that fails; for tests.
+    /// A call of the driver that fails; for tests. Where it is absent, that of `VGS_FAULT`.
+    #[cfg(feature = "fault")]
     pub fault: Option<Fault>,
     /// Where the messages of the validation layers go.
     pub messages: MessageLog,

@@ -14,7 +14,7 @@
 //! | | **helpers and plain data** |
 //! | `check`, `lock`, `c_name` | Vulkan results as errors, locks of mutexes, names as Vulkan takes them |
 //! | `format`, `ticket` | formats of texels, tickets of submissions |
-//! | `fault` | a call of the driver that fails, for tests |
+//! | `fault` | a call of the driver that fails, for tests; with the feature `fault` |
 //! | `message_log` | messages of the validation layers |
 //! | `recipe` | all that a driver needs to compile a pipeline |
 //! | `heap` | heaps of memory, and what is free in them |
@@ -74,6 +74,7 @@ mod devices;
 mod draw_pass;
 mod drawing;
 mod external_image;
+#[cfg(feature = "fault")]
 mod fault;
 mod features;
 mod format;
@@ -116,6 +117,7 @@ pub use device_description::DeviceDescription;
 pub use devices::devices;
 pub use draw_pass::DrawPass;
 pub use drawing::Drawing;
+#[cfg(feature = "fault")]
 pub use fault::{Call, Failure, Fault};
 pub use format::Format;
 pub use gpu::Gpu;

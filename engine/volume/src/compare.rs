@@ -39,7 +39,7 @@ pub struct Comparison {
     pub mean_hu: f64,
     /// Root mean square of b - a, in the unit of the volumes.
     pub rmse_hu: f64,
-    /// |b - a| that 99 of 100 voxels do not exceed.
+    /// |b - a| that 99 % of the voxels do not exceed.
     pub p99_hu: f64,
     /// b - a where |b - a| is largest; the first of several.
     pub largest_hu: f64,

@@ -179,7 +179,7 @@ fn volumes_are_compared_inside_a_mask_in_each_normalisation() {
         "voxels   100 of 5 x 5 x 8\n",
         "range    0 to 99 HU (the first volume's inside the region; both are clipped to it)\n",
         "RMSE     5.64 HU\n",
-        "within   4.00 HU in 99 of 100 voxels\n",
+        "within   4.00 HU in 99 % of the voxels\n",
         "largest  -40.00 HU at voxel 2 3 1 (-5.0 14.0 12.0 mm)\n",
     ] {
         assert!(text.out.contains(says), "{says}: {}", text.out);

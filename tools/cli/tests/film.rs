@@ -68,8 +68,9 @@ fn a_dicom_folder_becomes_a_scene() {
     step(&mut viewer, &["type", "--delay", "20", &path]);
     let before = viewer.frames()[1];
     screen.hand(&["key", "Return"]);
-    viewer
-        .wait("the file", |v| v.log().contains("counting intensities of splats:") && v.frames()[1] > before);
+    viewer.wait("the file", |v| {
+        v.log().contains("computing the histogram of the splats:") && v.frames()[1] > before
+    });
     viewer.settle();
 
     // The list of presets, with the scene by each of them.

@@ -213,7 +213,7 @@ const ROWS: &[RefusalRow] = &[
         name: "a configuration of bytes",
         arguments: &["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "x.ply", "--config", "ct.nii.gz"],
         exit: 2,
-        says: &["VGS-CFG-013", "ct.nii.gz: no configuration: no text: byte 1 is not UTF-8"],
+        says: &["VGS-CFG-013", "ct.nii.gz: no configuration: not text: byte 1 is not UTF-8"],
     },
     RefusalRow {
         name: "a camera without end",

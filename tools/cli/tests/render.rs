@@ -372,7 +372,7 @@ fn files_are_objects_of_one_picture() {
         "--object",
         "t:hidden",
     ]);
-    assert!(unseen.err.contains("HU, is here and can hardly be seen"), "{}", unseen.err);
+    assert!(unseen.err.contains("HU, is barely visible"), "{}", unseen.err);
     assert!(unseen.err.contains("s, mostly") && !unseen.err.contains("t, mostly"), "{}", unseen.err);
 
     let few = run(&["s.ply", "-o", "few.png", "--splat-budget", "100"]);

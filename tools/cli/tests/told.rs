@@ -22,7 +22,7 @@ fn the_record_says_what_the_file_is_and_what_was_said_of_it() {
             ["--target-hu", "60", "--target-rounds", "0", "--iterations", "100", "--explain", "-o", output];
         let ended = folder.run(&[&["fit", "ct.nii.gz", "--roi", "mask.nii.gz"][..], &more].concat());
         assert_eq!(ended.code, 0, "{output} beside the other: {}", ended.err);
-        assert!(ended.err.contains("99 of 100 voxels within 60 HU of the scan"), "{}", ended.err);
+        assert!(ended.err.contains("99 % of the voxels within 60 HU of the scan"), "{}", ended.err);
         let record = record(&folder, name);
         assert_eq!(record["results"]["outputs"][0], output);
         let eval = ["eval", output, "ct.nii.gz", "--roi", "mask.nii.gz", "--json"];

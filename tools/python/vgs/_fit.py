@@ -44,7 +44,7 @@ def fit(
     Args:
         volume: A :class:`Volume`, a path, an image of nibabel or SimpleITK, or an array [i, j, k].
         roi: A :class:`Roi`; or a mask, as a path, an image or an array; or the bounds ``(low, high)`` of a threshold, HU.
-        quality: ``"preview"``, ``"standard"`` (99 of 100 voxels within about 30 HU), ``"fine"`` (15 HU) or ``"exact"``
+        quality: ``"preview"``, ``"standard"`` (99 % of the voxels within about 30 HU), ``"fine"`` (15 HU) or ``"exact"``
             (6 HU). None: standard, unless another argument says how good, how many or how long.
         profile: Hyper-parameters to start from: ``"default"``, ``"vessels"``, ``"bones"``, ``"organs"``, ``"mr"``,
             ``"field"``, ``"paper"`` or ``"reference"``.

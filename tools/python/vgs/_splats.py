@@ -28,7 +28,7 @@ class Evaluation:
         psnr_mean_offset_db: Its mean between the voxels, on grids at sub-voxel offsets, dB; ``psnr_db`` without such.
         psnr_min_offset_db: The worst of these.
         rmse_hu: Root mean square error at the voxels, HU.
-        p99_hu: Error that 99 of 100 voxels do not exceed, HU.
+        p99_hu: Error that 99 % of the voxels do not exceed, HU.
         occupancy_rmse_on_grid: Root mean square error of the occupancy against the mask, 0 to 1.
         soft_dice: Soft Dice coefficient of occupancy and mask, 0 to 1.
         range: Intensities whose difference is the peak of the PSNR, HU.

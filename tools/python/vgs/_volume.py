@@ -186,7 +186,7 @@ class VolumeDifference:
         psnr_db: Peak signal-to-noise ratio, dB; infinite for equal ones.
         mean_hu: Mean difference, HU.
         rmse_hu: Root mean square difference, HU.
-        p99_hu: Absolute difference that 99 of 100 voxels do not exceed, HU.
+        p99_hu: Absolute difference that 99 % of the voxels do not exceed, HU.
         largest_hu: Largest difference, HU, with its sign.
         largest_voxel: Indices i, j, k of the voxel that has it.
     """

@@ -177,7 +177,7 @@ impl Program {
     /// Begins anew if the device or the surface was lost for the first time; otherwise ends the program with the error.
     fn fail(&mut self, event_loop: &ActiveEventLoop, error: Error) {
         if is_lost(&error) && !self.lost {
-            tracing::warn!("{error}; beginning anew");
+            tracing::warn!("{error}; starting over");
             self.lost = true;
             // The old device is dropped completely before there is a new one.
             let window = self.active.take().map(|active| active.window);

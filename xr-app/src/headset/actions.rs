@@ -133,15 +133,15 @@ impl Actions {
     ) -> xr::Result<Self> {
         let set = instance.create_action_set("hands", "Hands", 0)?;
         let hands = [instance.string_to_path(HANDS[0])?, instance.string_to_path(HANDS[1])?];
-        let grip = set.create_action::<xr::Posef>("grip", "Where a hand holds", &hands)?;
-        let aim = set.create_action::<xr::Posef>("aim", "Where a hand points", &hands)?;
+        let grip = set.create_action::<xr::Posef>("grip", "Grip pose", &hands)?;
+        let aim = set.create_action::<xr::Posef>("aim", "Aim pose", &hands)?;
         let squeeze = set.create_action::<f32>("grab", "Grab", &hands)?;
         let select = set.create_action::<bool>("select", "Select", &hands)?;
         let stick = set.create_action::<xr::Vector2f>("window", "Window and level", &hands)?;
-        let next = set.create_action::<bool>("preset", "Last and next preset", &hands)?;
+        let next = set.create_action::<bool>("preset", "Previous and next preset", &hands)?;
         let other = set.create_action::<bool>("cut", "Undo and reset, and cut", &hands)?;
         let panel = set.create_action::<bool>("panel", "Show and hide the panel", &hands)?;
-        let haptic = set.create_action::<xr::Haptic>("haptic", "What a hand feels", &hands)?;
+        let haptic = set.create_action::<xr::Haptic>("haptic", "Haptics", &hands)?;
         for profile in PROFILES.iter().filter(|p| !p.hands || hand_interaction) {
             let mut bindings = Vec::new();
             for (side, hand) in HANDS.iter().enumerate() {

@@ -101,7 +101,7 @@ impl Background {
             Background::Room if layer => Ok(Backdrop { blend: Blend::Alpha, layer }),
             Background::Room if has(Blend::Additive) => Ok(of(Blend::Additive)),
             Background::Room => {
-                let message = "this headset's runtime shows no room behind the picture";
+                let message = "this headset's runtime has no passthrough";
                 Err(Error::new(Kind::Unavailable, "VGS-XR-028", message).help(format!(
                     "it has {names}, and no XR_FB_passthrough; allow passthrough in its settings, or leave \
                      --passthrough out"

@@ -46,7 +46,7 @@ pub const QUALITIES: &[QualityPreset] = &[
     },
     QualityPreset {
         name: "standard",
-        about: "for a headset: 99 of 100 voxels within about 30 HU of the scan",
+        about: "for a headset: 99 % of the voxels within about 30 HU of the scan",
         toml: include_str!("standard.toml"),
         rmse_of_early: 0.376,
         p99_of_early: 0.368,

@@ -8,6 +8,7 @@
 //! Nothing here knows a device or a clock; [`simulation`] has GPUs to try the controller on.
 
 mod controller;
+#[cfg(any(test, feature = "simulation"))]
 pub mod simulation;
 
 pub use controller::Controller;

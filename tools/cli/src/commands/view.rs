@@ -75,7 +75,7 @@ pub fn run(arguments: &ViewArguments, since: Instant) -> std::result::Result<u8,
     }
     let (state, session) = arguments.state()?;
     let settings = Settings::read(Settings::place()).unwrap_or_else(|error| {
-        tracing::warn!("{error}; going on without");
+        tracing::warn!("{error}; continuing without");
         Settings::default()
     });
     let gpu = arguments.device.options();
@@ -133,7 +133,7 @@ impl ViewArguments {
         }
         if state.files.roi.is_some() && state.files.volume.is_none() {
             return Err(Error::new(Kind::Usage, "VGS-CLI-096", "--roi is the region of a volume")
-                .help("give the volume with --volume"));
+                .help("name the volume with --volume"));
         }
         // The window asks for those of a session.
         if !is_session {

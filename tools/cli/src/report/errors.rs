@@ -85,7 +85,7 @@ impl ErrorsByPlace {
             }
         }
         let [mean, rmse, within, worst] =
-            ["mean", "RMSE", "99 of 100 within", "worst"].map(|name| with_unit(name, unit));
+            ["mean", "RMSE", "99 % within", "worst"].map(|name| with_unit(name, unit));
         out += &table(&["", "voxels", &mean, &rmse, &within, &worst], &rows);
         out
     }

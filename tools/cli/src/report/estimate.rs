@@ -61,7 +61,7 @@ pub struct CodedEstimate {
 }
 
 /// How far the predictions of fits were off in docs/results/tradeoffs.md, as people are told.
-const TRUST: &str = "the file comes within 5 % of that, the time within a third if nothing else runs";
+const TRUST: &str = "the file size is within 5 % of that, the time within a third if nothing else runs";
 
 /// Describes an estimate in plain words; `unit` is the text behind an intensity.
 pub fn text(estimate: &Estimate, unit: &str) -> String {
@@ -89,11 +89,11 @@ pub fn text(estimate: &Estimate, unit: &str) -> String {
     match (e.expected, &e.target) {
         (_, Some(target)) => out.push_str(&format!("  error: {target}, if that many splats are allowed\n")),
         (Some(VoxelErrors { rmse_hu, p99_hu }), None) => out.push_str(&format!(
-            "  error: 99 of 100 voxels within {}{unit} of the scan, {}{unit} root mean square\n",
+            "  error: 99 % of the voxels within {}{unit} of the scan, {}{unit} root mean square\n",
             two_digits(p99_hu),
             two_digits(rmse_hu)
         )),
-        (None, None) => out.push_str("  error: not known of settings other than a --quality as it is\n"),
+        (None, None) => out.push_str("  error: known only for an unchanged --quality\n"),
     }
     if let Some(CodedEstimate { bound, file_bytes }) = e.coded {
         out.push_str(&format!(
@@ -103,7 +103,7 @@ pub fn text(estimate: &Estimate, unit: &str) -> String {
             two_digits(bound)
         ));
     }
-    out.push_str(&format!("(found out in {}; {TRUST})", seconds(e.found_seconds)));
+    out.push_str(&format!("(estimated in {}; {TRUST})", seconds(e.found_seconds)));
     out
 }
 

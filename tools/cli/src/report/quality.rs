@@ -63,7 +63,7 @@ impl Quality {
 pub fn quality_text(evaluation: &Evaluation) -> String {
     let Evaluation { on_grid, range, unit, .. } = evaluation;
     let mut out = format!(
-        "99 of 100 voxels are within {:.1}{unit} of the scan; the error is {:.1}{unit} (root mean square)\n",
+        "99 % of the voxels are within {:.1}{unit} of the scan; the error is {:.1}{unit} (root mean square)\n",
         on_grid.p99_hu, on_grid.rmse_hu
     );
     match evaluation.outline_apart() {
@@ -116,7 +116,7 @@ pub fn quality_table(evaluation: &Evaluation, of: &str) -> String {
     }
     let [low, high] = evaluation.range;
     let unit = evaluation.unit;
-    let [rmse, within] = ["RMSE", "99 of 100 within"].map(|name| with_unit(name, unit));
+    let [rmse, within] = ["RMSE", "99 % within"].map(|name| with_unit(name, unit));
     let heads = ["", "PSNR", &rmse, &within, "mask RMSE, 0 to 1", "soft Dice, 0 to 1"];
     format!("PSNR over {low} to {high}{unit} ({of}):\n{}", table(&heads, &rows))
 }

@@ -20,10 +20,6 @@ pub struct DeviceArguments {
     /// Largest storage-buffer range that is used, bytes: to see on any device what a small one does
     #[arg(long, value_name = "BYTES", value_parser = bytes, env = "VGS_FORCE_SSBO_LIMIT", hide = true)]
     pub storage_range_limit: Option<u64>,
-    /// Lets a call of the driver fail, the N-th of its kind, counted from 1: to see on any device what is
-    /// done then
-    #[arg(long, value_name = "CALL:N:FAILURE", hide = true)]
-    pub fault: Option<engine::gpu::Fault>,
 }
 
 impl DeviceArguments {
@@ -32,7 +28,6 @@ impl DeviceArguments {
         engine::gpu::GpuOptions {
             device: self.device.clone(),
             storage_range_limit: self.storage_range_limit,
-            fault: self.fault.clone(),
             ..Default::default()
         }
     }

@@ -84,7 +84,7 @@ const TEMPLATE: &str = "\
 TASKSOptions:
 {options}{after-help}";
 
-const HINT: &str = "`vgs COMMAND -h` tells the usual flags of a command, `--help` all of them.";
+const HINT: &str = "`vgs COMMAND -h` lists the usual flags of a command, `--help` all of them.";
 
 /// Returns the command line with a short help beside the whole one.
 pub fn shortened(vgs: Command) -> Command {
@@ -109,7 +109,7 @@ fn section(vgs: &Command, task: &str, names: &[&str]) -> String {
 impl Short {
     fn of(&self, command: Command) -> Command {
         let whole = command.get_after_help().map(ToString::to_string).unwrap_or_default();
-        let rest = format!("{}\n\n`vgs {} --help` tells everything.", self.examples, self.command);
+        let rest = format!("{}\n\n`vgs {} --help` has everything.", self.examples, self.command);
         let hide = |arg: Arg| {
             let told = self.flags.contains(&arg.get_id().as_str());
             arg.hide_short_help(!told)

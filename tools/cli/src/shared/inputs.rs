@@ -222,10 +222,10 @@ pub fn region_range(volume: &Volume, roi: &Roi) -> Result<[f32; 2]> {
 pub fn volume_of(path: &Path, read: &ReadArguments) -> Result<Volume> {
     let options = read.options();
     if read.voxel_mm.is_some() && Format::of(path, &options)?.name != npy::NAME {
-        let message = "--voxel-mm is for files that do not say how far their voxels are apart";
+        let message = "--voxel-mm is for files without a voxel spacing";
         return Err(Error::new(Kind::Usage, "VGS-CLI-120", message)
             .file(path)
-            .help("leave it out; `vgs info` tells what the file says"));
+            .help("leave it out; `vgs info` shows what the file says"));
     }
     let _waiting = Waiting::on(format!("reading {}", path.display()));
     Volume::read(path, &options)

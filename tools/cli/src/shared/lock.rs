@@ -117,7 +117,7 @@ fn is_ours(file: &mut File) -> std::io::Result<bool> {
 }
 
 fn foreign(path: &Path) -> Error {
-    let message = "this is not the lock of a run, which needs its name: nothing was changed";
+    let message = "this is not a lock file of vgs, and it is in the way: nothing was changed";
     Error::new(Kind::CannotCreate, "VGS-CLI-097", message)
         .file(path)
         .help("move it away, or choose another name for the output")

@@ -18,7 +18,7 @@ pub fn text_of(path: &Path) -> io::Result<String> {
         return Err(io::Error::new(ErrorKind::InvalidData, format!("longer than {MOST_BYTES} bytes")));
     }
     let no_text = |e: std::string::FromUtf8Error| {
-        let message = format!("no text: byte {} is not UTF-8", e.utf8_error().valid_up_to());
+        let message = format!("not text: byte {} is not UTF-8", e.utf8_error().valid_up_to());
         io::Error::new(ErrorKind::InvalidData, message)
     };
     String::from_utf8(bytes).map_err(no_text)

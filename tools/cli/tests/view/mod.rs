@@ -365,8 +365,8 @@ fn a_lost_device_is_made_again() {
     let folder = folder();
     without_notice(&folder);
     let arguments = ["s.ply", "--tf", "CT-Soft-Tissue"];
-    let shot = |more: &[&str]| {
-        let mut viewer = Viewer::start(&screen, &folder, &[&arguments, more].concat());
+    let shot = |fault: &[(&str, &str)]| {
+        let mut viewer = Viewer::start_with(&screen, &folder, &arguments, fault);
         viewer.wait("the first picture", |v| v.frames()[1] > 0);
         viewer.settle();
         screen.hand(&["search", "--name", "vgs", "windowfocus", "mousemove", "450", "700"]);
@@ -377,12 +377,12 @@ fn a_lost_device_is_made_again() {
         (seen, log)
     };
     let (whole, log) = shot(&[]);
-    assert!(!log.contains("beginning anew"));
+    assert!(!log.contains("starting over"));
     // In the middle of the upload, and while the field is decoded beside the window.
     for at in [3, 30] {
-        let (again, log) = shot(&["--fault", &format!("submit:{at}:lost")]);
+        let (again, log) = shot(&[("VGS_FAULT", &format!("submit:{at}:lost"))]);
         again.keep(&format!("lost-{at}"));
-        assert!(log.contains("the device was lost; beginning anew"), "{at}: {log}");
+        assert!(log.contains("the device was lost; starting over"), "{at}: {log}");
         let differing = again.differences(&whole, [0, 0, 1280, 720]);
         assert!(differing < 500, "{at}: {differing} pixels differ");
     }
@@ -395,10 +395,9 @@ fn what_fails_in_a_window_is_made_up_for_or_told() {
     let Some(screen) = Screen::new() else { return };
     let folder = folder();
     without_notice(&folder);
-    let layer = [("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation")];
     let start = |fault: &str| {
-        let arguments = ["s.ply", "--tf", "CT-Soft-Tissue", "--fault", fault];
-        Viewer::start_with(&screen, &folder, &arguments, &layer)
+        let environment = [("VK_INSTANCE_LAYERS", "VK_LAYER_KHRONOS_validation"), ("VGS_FAULT", fault)];
+        Viewer::start_with(&screen, &folder, &["s.ply", "--tf", "CT-Soft-Tissue"], &environment)
     };
     for (fault, begins_anew) in [
         ("acquire:2:out-of-date", false),
@@ -416,7 +415,7 @@ fn what_fails_in_a_window_is_made_up_for_or_told() {
         screen.hand(&["search", "--name", "vgs", "windowfocus"]);
         let ended = viewer.quit();
         assert_eq!(ended.code, 0, "{fault}: {}", ended.err);
-        assert_eq!(ended.err.contains("beginning anew"), begins_anew, "{fault}: {}", ended.err);
+        assert_eq!(ended.err.contains("starting over"), begins_anew, "{fault}: {}", ended.err);
         assert_eq!(ended.out, "", "{fault}");
     }
     for (fault, code, says) in [
@@ -553,8 +552,9 @@ fn splats_are_fitted_in_the_window_and_kept() {
     screen.look().keep("fit-keep");
     let before = viewer.frames()[1];
     screen.hand(&["key", "Return"]);
-    viewer
-        .wait("the file", |v| v.log().contains("counting intensities of splats:") && v.frames()[1] > before);
+    viewer.wait("the file", |v| {
+        v.log().contains("computing the histogram of the splats:") && v.frames()[1] > before
+    });
     viewer.settle();
     screen.look().keep("fit-kept");
     assert_eq!(viewer.quit().code, 0, "the splats are in a file");
@@ -571,7 +571,7 @@ fn a_mask_without_a_telling_name_is_known_by_its_values() {
     without_notice(&folder);
     std::fs::copy(folder.path("mask.nii.gz"), folder.path("bones.nii.gz")).expect("a copy");
     let mut viewer = begin(&screen, &folder, &["bones.nii.gz", "ct.nii.gz", "--tf", "CT-Soft-Tissue"]);
-    let taken = "bones.nii.gz is taken for the region of ct.nii.gz, since it has the values of a mask";
+    let taken = "bones.nii.gz is used as the region of ct.nii.gz, because it has mask values";
     assert!(viewer.log().contains(taken), "{}", viewer.log());
     let region = screen.look();
     // The session has it.
@@ -606,7 +606,7 @@ fn a_series_of_a_folder_is_chosen_in_the_window() {
     screen.look().keep("series");
     let choose = |viewer: &mut Viewer<'_>, row: &'static str, count: usize| {
         screen.hand(&["mousemove", "560", row, "click", "1"]);
-        viewer.wait("the series", |v| v.log().matches("counting intensities of scan:").count() >= count);
+        viewer.wait("the series", |v| v.log().matches("computing the histogram of scan:").count() >= count);
         viewer.settle();
         screen.look()
     };

@@ -111,7 +111,7 @@ export class Controls {
             pulse(hand, SNAP);
             this.reset();
         } else if (before < SOON && this.#heldFor >= SOON) {
-            this.notice = 'Hold on to put everything back';
+            this.notice = 'Keep holding to reset';
         }
     }
 
@@ -122,10 +122,10 @@ export class Controls {
             this.#cutting = false;
             if (this.cut) app.setPlane(this.cut.plane);
             this.cut = null;
-            this.notice = 'The cutting plane stays';
+            this.notice = 'Cutting plane fixed';
         } else if (app.plane) {
             app.setPlane(null);
-            this.notice = 'No cutting plane';
+            this.notice = 'Cutting plane off';
         } else {
             this.#cutting = true;
             this.notice = 'Cutting plane in the right hand';

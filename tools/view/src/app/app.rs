@@ -68,7 +68,7 @@ pub struct App {
     /// State when the changes were last taken.
     pub(super) taken: ViewState,
     /// True if the camera is to see the whole scene as soon as there is one.
-    pub(super) fit: bool,
+    pub(super) frame_all: bool,
     /// `Some` while distances are measured; within it the first point of a distance, mm RAS, if it was
     /// clicked.
     pub(super) measuring: Option<Option<DVec3>>,
@@ -115,7 +115,7 @@ impl App {
             fit_form: FitForm::default(),
             history: History::new(state.edited()),
             taken: state.clone(),
-            fit: false,
+            frame_all: false,
             saved: (state.edited(), state.bookmarks.clone()),
             given: session.is_none().then(|| (state.transfer.clone(), state.objects.clone())),
             state,
@@ -146,7 +146,7 @@ impl App {
         self.session = session;
         self.history.restart(state.edited());
         self.state = state;
-        self.fit = false;
+        self.frame_all = false;
         self.given = None;
         self.note_saved();
     }
@@ -209,8 +209,8 @@ impl App {
     }
 
     /// Moves the camera to see the whole scene in the next frame that knows its bounds.
-    pub fn fit_soon(&mut self) {
-        self.fit = true;
+    pub fn frame_all_soon(&mut self) {
+        self.frame_all = true;
     }
 
     /// Returns the place of the picture, in points of the screen.

@@ -18,11 +18,11 @@ impl App {
             }
             Action::AskShare if self.has_splats_to_write(info) => self.ask(Purpose::Share),
             Action::AskPack if self.state.files.all().next().is_none() => {
-                self.refuse("There is nothing to pack", "open some files");
+                self.refuse("There is nothing to pack", "open some files first");
             }
             Action::AskPack => self.ask(Purpose::Pack),
             Action::AskBeside if self.state.files.splats.is_empty() => {
-                self.refuse("There are no splats for others to stand beside", "open some");
+                self.refuse("There are no splats to compare with", "open some");
             }
             Action::AskBeside => self.ask(Purpose::Beside),
             Action::AskMask => self.ask(Purpose::Mask),
@@ -42,8 +42,8 @@ impl App {
     pub(super) fn ask(&mut self, purpose: Purpose) {
         if self.asked.is_some() {
             return self.refuse(
-                "A dialog for files is open already",
-                "it may be behind this window; Esc closes it from here",
+                "A file dialog is already open",
+                "it may be behind this window; press Esc here to close it",
             );
         }
         let prompt = self.question(purpose);
@@ -94,8 +94,8 @@ impl App {
             Reply::Cancelled => Answer::Cancelled,
             Reply::Chosen(paths) if paths.is_empty() => {
                 self.refuse(
-                    "What was chosen is in no folder of this computer",
-                    "copy it to one, and open it there",
+                    "The chosen file is not in a local folder",
+                    "copy it to this computer and open it there",
                 );
                 Answer::Cancelled
             }

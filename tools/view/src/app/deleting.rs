@@ -16,10 +16,13 @@ impl App {
         let crop = self.state.clip.crop.as_mut().filter(|crop| crop.on);
         let (crop, files) = match (crop, files) {
             _ if info.fitted => {
-                return self.refuse("The splats of the fit are in no file yet", "keep them first");
+                return self.refuse("The fitted splats have not been saved", "keep them first");
             }
             (_, None) => return self.refuse("There are no splats to delete", "open some"),
-            (None, _) => return self.refuse("Splats are deleted by the crop box", "X switches it on"),
+            (None, _) => {
+                return self
+                    .refuse("The crop box decides which splats are deleted", "press X to switch it on");
+            }
             (Some(crop), Some(files)) => (crop, files),
         };
         crop.on = false;
@@ -33,7 +36,7 @@ impl App {
         let real = |path: &Path| path.canonicalize().unwrap_or_else(|_| path.to_owned());
         let Files { splats, beside, .. } = &self.state.files;
         if splats.iter().chain(beside).any(|open| real(open) == real(path)) {
-            self.refuse("This file is open, and what is deleted stays in it", "choose another name");
+            self.refuse("This file is open and still has the deleted splats", "choose another name");
             return false;
         }
         self.has_splats_to_write(info)
@@ -42,12 +45,9 @@ impl App {
     /// Returns true if there are splats of files to write; otherwise says what to do.
     pub(super) fn has_splats_to_write(&mut self, info: &PanelInfo<'_>) -> bool {
         if info.fitted {
-            self.refuse(
-                "The splats of the fit are in no file yet",
-                "keep them: the panel of fits writes them",
-            );
+            self.refuse("The fitted splats have not been saved", "save them from the fit panel");
         } else if info.splats.is_none_or(|count| count == 0) {
-            self.refuse("There are no splats to write", "open or restore some");
+            self.refuse("There are no splats to save", "open a file, or restore deleted splats");
         } else {
             return true;
         }

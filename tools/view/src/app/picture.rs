@@ -44,9 +44,9 @@ impl App {
             }
             return;
         }
-        if let (true, Some(bounds)) = (self.fit, info.bounds) {
+        if let (true, Some(bounds)) = (self.frame_all, info.bounds) {
             self.state.orbit.fit(bounds, self.aspect());
-            self.fit = false;
+            self.frame_all = false;
         }
         let response = ui.allocate_rect(rect, Sense::click_and_drag());
         let over = self.grip(ui, &response, info);

@@ -32,7 +32,7 @@ impl App {
             }
             Action::NextPreset => self.step_preset(1, info),
             Action::PreviousPreset => self.step_preset(PRESETS.len() - 1, info),
-            Action::SeeAll => self.fit = true,
+            Action::SeeAll => self.frame_all = true,
             Action::View(side) => state.orbit.look_from(*side),
             Action::Turn([azimuth, elevation]) => state.orbit.turn(*azimuth, *elevation),
             Action::Measure => {

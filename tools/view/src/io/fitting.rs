@@ -93,7 +93,7 @@ impl Fitting {
         };
         let shared = Arc::new(Shared { wanted: Mutex::new(Some(Instant::now())), ..Shared::default() });
         let ((keep, kept), (sender, reports)) = (channel(), channel());
-        let tell = Teller { sender, wake, shared: Arc::clone(&shared) };
+        let tell = Job { sender, wake, shared: Arc::clone(&shared) };
         let thread = std::thread::spawn(move || {
             if let Err(error) = run(&order, &tell, &kept) {
                 tell.news(News::Failed(error));
@@ -179,13 +179,13 @@ impl Drop for Fitting {
 }
 
 /// The thread's end of the channel. If nobody listens any more, its reports are lost.
-struct Teller {
+struct Job {
     sender: Sender<Report>,
     wake: Arc<dyn Fn() + Send + Sync>,
     shared: Arc<Shared>,
 }
 
-impl Teller {
+impl Job {
     fn say(&self, report: Report) {
         let _ = self.sender.send(report);
         (self.wake)();
@@ -225,7 +225,7 @@ impl Teller {
 }
 
 /// Fits, and then waits for the word to write a file or for the end.
-fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Result<()> {
+fn run(order: &FitOrder, tell: &Job, kept: &Receiver<(PathBuf, bool)>) -> Result<()> {
     let LoadedVolume { volume, roi, labels, .. } = &*order.volume;
     let roi = roi.as_ref().ok_or_else(|| {
         Error::new(Kind::NothingToDo, "VGS-VIEW-040", "the volume has no region to fit")
@@ -283,13 +283,7 @@ fn run(order: &FitOrder, tell: &Teller, kept: &Receiver<(PathBuf, bool)>) -> Res
 }
 
 /// Measures the splats of a fit at the voxels of the region, and tells it.
-fn measure(
-    order: &FitOrder,
-    problem: &Problem<'_>,
-    gpu: &Gpu,
-    splats: &[Splat],
-    tell: &Teller,
-) -> Result<()> {
+fn measure(order: &FitOrder, problem: &Problem<'_>, gpu: &Gpu, splats: &[Splat], tell: &Job) -> Result<()> {
     let volume = &order.volume.volume;
     let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
     let threshold = order.config.region_threshold;
@@ -301,7 +295,7 @@ fn measure(
 
 /// Observer of the fit.
 struct Watching<'a> {
-    tell: &'a Teller,
+    tell: &'a Job,
     /// The fit, once it runs.
     plan: Option<&'a Plan<'a>>,
     begun: Instant,

@@ -10,7 +10,7 @@ use engine::splat::SplatSet;
 use engine::unit::Unit;
 use glam::DVec3;
 
-use crate::io::loader::{Left, Loaded, LoadedSplats, LoadedVolume};
+use crate::io::loader::{Loaded, LoadedSplats, LoadedVolume, Remaining};
 use crate::model::deletions::Deletion;
 use crate::model::histogram::Histogram;
 use crate::model::panel_info::Measured;
@@ -66,17 +66,17 @@ impl LoadedData {
                 self.volume_histogram = None;
                 return Ok(Some(Subject::Volume));
             }
-            Loaded::Left(left) => {
+            Loaded::Remaining(left) => {
                 // Other files may have been read meanwhile.
                 if self.splats.as_ref().is_some_and(|splats| Arc::ptr_eq(splats, &left.whole)) {
-                    let Left { deleted, splats, .. } = left;
+                    let Remaining { deleted, splats, .. } = left;
                     self.left = Some((deleted, splats));
                     (self.splat_histogram, self.probe, self.waits) = (None, None, false);
                     return Ok(Some(Subject::Splats));
                 }
             }
             Loaded::Counted(splats, histogram, probe) => {
-                if self.left_splats().is_some_and(|left| Arc::ptr_eq(left, &splats)) {
+                if self.remaining_splats().is_some_and(|left| Arc::ptr_eq(left, &splats)) {
                     (self.splat_histogram, self.probe) = (histogram, Some(*probe));
                 } else if self.beside.as_ref().is_some_and(|beside| Arc::ptr_eq(beside, &splats)) {
                     self.probe_beside = Some(*probe);
@@ -219,15 +219,15 @@ impl LoadedData {
 
     /// Returns the splats that are shown: those of the fit, or what is left of those of the files.
     pub fn shown_splats(&self) -> Option<&Arc<LoadedSplats>> {
-        self.fitted.as_ref().or(self.left_splats().filter(|_| !self.waits))
+        self.fitted.as_ref().or(self.remaining_splats().filter(|_| !self.waits))
     }
 
     /// Returns the splats of all files that deletions have left.
-    pub fn left_splats(&self) -> Option<&Arc<LoadedSplats>> {
+    pub fn remaining_splats(&self) -> Option<&Arc<LoadedSplats>> {
         self.left.as_ref().map(|(_, splats)| splats).or(self.splats.as_ref())
     }
 
-    /// Returns the deletions that [`LoadedData::left_splats`] are left by.
+    /// Returns the deletions that [`LoadedData::remaining_splats`] are left by.
     pub fn deleted(&self) -> &[Deletion] {
         self.left.as_ref().map_or(&[], |(deleted, _)| deleted)
     }
@@ -235,7 +235,7 @@ impl LoadedData {
     /// Returns the number of splats that are deleted.
     pub fn deleted_count(&self) -> usize {
         let count = |splats: Option<&Arc<LoadedSplats>>| splats.map_or(0, |splats| splats.set.splats.len());
-        count(self.splats.as_ref()) - count(self.left_splats())
+        count(self.splats.as_ref()) - count(self.remaining_splats())
     }
 
     /// Returns the least and greatest intensity of splats and volume.

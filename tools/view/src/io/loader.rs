@@ -100,7 +100,7 @@ pub enum Loaded {
     /// Splats beside them.
     Beside(Arc<LoadedSplats>),
     /// Splats that deletions have left.
-    Left(Left),
+    Remaining(Remaining),
     /// Histogram of the intensities of these splats, and the probe that evaluates their field at points.
     Counted(Arc<LoadedSplats>, Option<Histogram>, Box<Probe>),
     /// Volume.
@@ -123,7 +123,7 @@ pub enum Loaded {
 }
 
 /// Splats that deletions have left.
-pub struct Left {
+pub struct Remaining {
     /// All splats.
     pub whole: Arc<LoadedSplats>,
     /// Deletions.
@@ -170,43 +170,43 @@ impl Loader {
     /// Begins to read files; results of what was being read before are dropped. Files that are also in `had`
     /// are not read again; neither is `volume`, that of `had`, where only its region is another one. A volume is shown with
     /// `edges` at first.
-    pub fn open(&mut self, files: &Files, had: &Files, volume: Option<&Arc<Volume>>, edges: Edges) {
+    pub fn open(&mut self, files: &Files, before: &Files, volume: Option<&Arc<Volume>>, edges: Edges) {
         self.turn += 1;
         self.doing.clear();
         let turn = self.turn;
-        if files.splats != had.splats && !files.splats.is_empty() {
+        if files.splats != before.splats && !files.splats.is_empty() {
             let files = files.clone();
-            self.spawn(turn, move |tell| tell.splats(&files));
+            self.spawn(turn, move |job| job.splats(&files));
         }
         if let Some(path) = files.beside.clone()
-            && files.beside != had.beside
+            && files.beside != before.beside
         {
             let files = files.clone();
-            self.spawn(turn, move |tell| tell.beside(path, &files));
+            self.spawn(turn, move |job| job.beside(path, &files));
         }
         if let Some(path) = files.volume.clone()
-            && !(files.has_volume_of(had) && files.region() == had.region())
+            && !(files.has_volume_of(before) && files.region() == before.region())
         {
             let files = files.clone();
-            let there = volume.filter(|_| files.has_volume_of(had)).map(Arc::clone);
-            self.spawn(turn, move |tell| tell.volume(&path, there, &files, edges));
+            let there = volume.filter(|_| files.has_volume_of(before)).map(Arc::clone);
+            self.spawn(turn, move |job| job.volume(&path, there, &files, edges));
         }
     }
 
     /// Begins to sort files that have to be looked into.
     pub fn sort(&self, open: &Files, added: Vec<PathBuf>, volume: Option<&Arc<Volume>>) {
         let (open, volume) = (open.clone(), volume.map(Arc::clone));
-        self.spawn(ALWAYS, move |tell| {
+        self.spawn(ALWAYS, move |job| {
             let session = added.iter().find(|path| is_session(path)).map(|path| name_of(path));
-            let what = session.map_or("looking whether it is a volume or a mask".to_owned(), |name| {
+            let what = session.map_or("checking whether it is a volume or a mask".to_owned(), |name| {
                 format!("opening {name}")
             });
             let sort = || {
                 let sorted = sort_looking(&open, &added, volume.as_deref())?;
                 Ok(Sorted { read: sorted.state().transpose()?, ..sorted })
             };
-            if let Some(sorted) = tell.during(what, sort) {
-                tell.say(Message::Loaded(Loaded::Sorted(Box::new(sorted), added)));
+            if let Some(sorted) = job.run(what, sort) {
+                job.say(Message::Loaded(Loaded::Sorted(Box::new(sorted), added)));
             }
         });
     }
@@ -217,10 +217,10 @@ impl Loader {
         let mut files = files.clone();
         files.set_region(None);
         let Some(path) = files.volume.clone() else { return };
-        self.spawn(ALWAYS, move |tell| {
+        self.spawn(ALWAYS, move |job| {
             let list = || dicom::series(&path, &ReadOptions::default()).map_err(|e| named(e, &path));
-            if let Some(rows) = tell.during("listing the series".to_owned(), list) {
-                tell.say(Message::Loaded(Loaded::Several(Series { files, rows })));
+            if let Some(rows) = job.run("listing the series".to_owned(), list) {
+                job.say(Message::Loaded(Loaded::Several(Series { files, rows })));
             }
         });
     }
@@ -230,9 +230,9 @@ impl Loader {
         Arc::clone(&self.wake)
     }
 
-    fn spawn(&self, turn: u64, job: impl FnOnce(&Teller) + Send + 'static) -> JoinHandle<()> {
-        let teller = Teller { wake: Arc::clone(&self.wake), sender: self.sender.clone(), turn };
-        std::thread::spawn(move || job(&teller))
+    fn spawn(&self, turn: u64, work: impl FnOnce(&Job) + Send + 'static) -> JoinHandle<()> {
+        let job = Job { wake: Arc::clone(&self.wake), sender: self.sender.clone(), turn };
+        std::thread::spawn(move || work(&job))
     }
 
     /// Returns what has been loaded since the last call.
@@ -269,12 +269,12 @@ impl Loader {
     pub fn prepare(
         &mut self,
         what: &'static str,
-        job: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
+        work: impl FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send + 'static,
     ) {
         self.doing.push((what.to_owned(), None));
-        let thread = self.spawn(self.turn, move |tell| {
-            let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
-            tell.during(what.to_owned(), || job(&mut progress));
+        let thread = self.spawn(self.turn, move |job| {
+            let mut progress = |part| job.say(Message::Doing(what.to_owned(), Some(part)));
+            job.run(what.to_owned(), || work(&mut progress));
         });
         self.wait_at_end_for(thread);
     }
@@ -282,9 +282,9 @@ impl Loader {
     /// Begins to make what is shown of a volume with these edges.
     pub fn edge(&mut self, volume: Arc<LoadedVolume>, edges: Edges) {
         self.doing.push((EDGING.to_owned(), None));
-        let thread = self.spawn(ALWAYS, move |tell| {
-            tell.during(EDGING.to_owned(), || Ok(volume.shown(edges)));
-            tell.say(Message::Loaded(Loaded::Edges(volume)));
+        let thread = self.spawn(ALWAYS, move |job| {
+            job.run(EDGING.to_owned(), || Ok(volume.shown(edges)));
+            job.say(Message::Loaded(Loaded::Edges(volume)));
         });
         self.wait_at_end_for(thread);
     }
@@ -293,7 +293,7 @@ impl Loader {
     pub fn delete(&mut self, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>) {
         let what = if deleted.is_empty() { "restoring splats" } else { "deleting splats" };
         self.doing.push((what.to_owned(), None));
-        let thread = self.spawn(ALWAYS, move |tell| tell.left(what, whole, deleted));
+        let thread = self.spawn(ALWAYS, move |job| job.delete(what, whole, deleted));
         self.wait_at_end_for(thread);
     }
 
@@ -302,14 +302,14 @@ impl Loader {
         let gpu = gpu.clone();
         let what = "measuring the error";
         self.doing.push((what.to_owned(), None));
-        let thread = self.spawn(ALWAYS, move |tell| {
-            let mut progress = |part| tell.say(Message::Doing(what.to_owned(), Some(part)));
+        let thread = self.spawn(ALWAYS, move |job| {
+            let mut progress = |part| job.say(Message::Doing(what.to_owned(), Some(part)));
             let measured =
                 ShownError::new(&gpu, &splats.set, &volume.volume, volume.roi.as_ref(), &mut progress)
                     .map(|found| found.map(Arc::new));
-            tell.say(Message::Ended(what.to_owned()));
+            job.say(Message::Ended(what.to_owned()));
             // Whoever takes the result has to know of a failure, so that it is not tried again.
-            tell.say(Message::Loaded(Loaded::Error(splats, volume, measured)));
+            job.say(Message::Loaded(Loaded::Error(splats, volume, measured)));
         });
         self.wait_at_end_for(thread);
     }
@@ -336,11 +336,11 @@ impl Loader {
         path: PathBuf,
         write: impl FnOnce(&mut dyn FnMut(f32)) -> Result<String> + Send + 'static,
     ) -> JoinHandle<()> {
-        self.spawn(ALWAYS, move |tell| {
+        self.spawn(ALWAYS, move |job| {
             let what = format!("writing {}", name_of(&path));
-            let mut progress = |part| tell.say(Message::Doing(what.clone(), Some(part)));
-            if let Some(note) = tell.during(what.clone(), || write(&mut progress)) {
-                tell.say(Message::Loaded(Loaded::Written(path, note)));
+            let mut progress = |part| job.say(Message::Doing(what.clone(), Some(part)));
+            if let Some(note) = job.run(what.clone(), || write(&mut progress)) {
+                job.say(Message::Loaded(Loaded::Written(path, note)));
             }
         })
     }
@@ -358,16 +358,16 @@ impl Drop for Loader {
 }
 
 /// The thread's end of the channel. If nobody listens any more, its messages are lost.
-struct Teller {
+struct Job {
     wake: Arc<dyn Fn() + Send + Sync>,
     sender: Sender<(u64, Message)>,
     turn: u64,
 }
 
-impl Teller {
-    /// Returns a teller whose results are wanted whatever is opened meanwhile: they name what they belong to.
+impl Job {
+    /// Returns a job whose results are wanted whatever is opened meanwhile: they name what they belong to.
     fn always(&self) -> Self {
-        Teller { wake: Arc::clone(&self.wake), sender: self.sender.clone(), turn: ALWAYS }
+        Job { wake: Arc::clone(&self.wake), sender: self.sender.clone(), turn: ALWAYS }
     }
 
     fn say(&self, message: Message) {
@@ -375,7 +375,7 @@ impl Teller {
         (self.wake)();
     }
 
-    fn during<T>(&self, what: String, job: impl FnOnce() -> Result<T>) -> Option<T> {
+    fn run<T>(&self, what: String, job: impl FnOnce() -> Result<T>) -> Option<T> {
         self.doing(what, None, job)
     }
 
@@ -411,7 +411,7 @@ impl Teller {
     }
 
     fn beside(&self, path: PathBuf, files: &Files) {
-        let splats = self.reading("reading splats beside them".to_owned(), Subject::Beside, || {
+        let splats = self.reading("reading the splats to compare with".to_owned(), Subject::Beside, || {
             let set = read_splats(&path, files)?;
             LoadedSplats::join(vec![(path, set)]).map(Arc::new)
         });
@@ -422,22 +422,26 @@ impl Teller {
 
     fn count(&self, splats: Arc<LoadedSplats>) {
         let always = self.always();
-        let counted = always.during("counting intensities of splats".to_owned(), || {
+        let counted = always.run("computing the histogram of the splats".to_owned(), || {
             Ok((Histogram::of_splats(&splats.set), Box::new(Probe::new(&splats.set))))
         });
         let Some((histogram, probe)) = counted else { return };
         always.say(Message::Loaded(Loaded::Counted(splats, histogram, probe)));
     }
 
-    fn left(&self, what: &str, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>) {
-        let splats = self.during(what.to_owned(), || {
+    fn delete(&self, what: &str, whole: Arc<LoadedSplats>, deleted: Vec<Deletion>) {
+        let splats = self.run(what.to_owned(), || {
             Ok(match deleted.is_empty() {
                 true => Arc::clone(&whole),
                 false => Arc::new(whole.without(&deleted)),
             })
         });
         let Some(splats) = splats else { return };
-        self.say(Message::Loaded(Loaded::Left(Left { whole, deleted, splats: Arc::clone(&splats) })));
+        self.say(Message::Loaded(Loaded::Remaining(Remaining {
+            whole,
+            deleted,
+            splats: Arc::clone(&splats),
+        })));
         self.count(splats);
     }
 
@@ -466,7 +470,7 @@ impl Teller {
         };
         self.say(Message::Loaded(Loaded::Volume(Arc::clone(&shown))));
         let always = self.always();
-        let histogram = always.during(format!("counting intensities of {name}"), || {
+        let histogram = always.run(format!("computing the histogram of {name}"), || {
             Ok(Histogram::of_volume(&shown.volume, shown.roi.as_ref()))
         });
         always.say(Message::Loaded(Loaded::VolumeHistogram(shown, histogram.flatten())));

@@ -31,7 +31,7 @@ impl OpenFiles {
 
     /// Resets the files of a subject in `files` to those that were read, since the new ones could not be
     /// read.
-    pub fn could_not_be_read(&mut self, subject: Subject, files: &mut Files) {
+    pub fn revert(&mut self, subject: Subject, files: &mut Files) {
         self.asked.retain(|path| !has(subject, files, path));
         copy(subject, &self.read, files);
     }
@@ -85,14 +85,14 @@ mod tests {
 
         open.ask(&["bad.ply".into()]);
         let mut state = files(&["a.ply", "bad.ply"], Some("ct.nii"));
-        open.could_not_be_read(Subject::Splats, &mut state);
+        open.revert(Subject::Splats, &mut state);
         assert_eq!(state, both);
         // It does not come back with the next one that can be read, either.
         let more = files(&["a.ply", "b.ply"], Some("ct.nii"));
         open.ask(&["b.ply".into()]);
         assert_eq!(open.was_read(Subject::Splats, &more), [PathBuf::from("b.ply")]);
         let mut state = files(&["a.ply", "b.ply"], Some("bad.nii"));
-        open.could_not_be_read(Subject::Volume, &mut state);
+        open.revert(Subject::Volume, &mut state);
         assert_eq!(state, more);
         // Splats beside them come and go alone.
         let with_beside = |name: &str| Files { beside: Some(name.into()), ..state.clone() };
@@ -100,7 +100,7 @@ mod tests {
         let opened = open.was_read(Subject::Beside, &with_beside("coarse.vgs"));
         assert_eq!((opened, open.read()), (vec!["coarse.vgs".into()], &with_beside("coarse.vgs")));
         let mut other = with_beside("bad.vgs");
-        open.could_not_be_read(Subject::Beside, &mut other);
+        open.revert(Subject::Beside, &mut other);
         assert_eq!(other, with_beside("coarse.vgs"));
         open.forget(Subject::Beside);
         assert_eq!(open.read(), &more);

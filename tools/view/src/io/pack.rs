@@ -105,7 +105,7 @@ fn options(method: CompressionMethod, size: u64) -> SimpleFileOptions {
 fn copy_file(path: &Path, to: &mut impl Write, size: u64) -> std::result::Result<(), Copy> {
     let mut file = File::open(path).map_err(Copy::Read)?;
     let count = copy(&mut file, to)?;
-    if count == size { Ok(()) } else { Err(Copy::Read(io::Error::other("it changed meanwhile"))) }
+    if count == size { Ok(()) } else { Err(Copy::Read(io::Error::other("it changed in the meantime"))) }
 }
 
 /// What goes into the zip, in this order.

@@ -73,13 +73,9 @@ pub fn put_beside(state: &mut ViewState, path: PathBuf) -> Result<()> {
             .help(format!("give one of these: {}", splat_endings().collect::<Vec<_>>().join(", "))));
     }
     if state.files.splats.is_empty() {
-        return Err(Error::new(
-            Kind::NothingToDo,
-            "VGS-VIEW-022",
-            "there are no splats for others to stand beside",
-        )
-        .file(path)
-        .help("open it as it is, or open splats first"));
+        return Err(Error::new(Kind::NothingToDo, "VGS-VIEW-022", "there are no splats to compare with")
+            .file(path)
+            .help("open it as it is, or open splats first"));
     }
     state.files.beside = Some(path);
     state.split.get_or_insert(0.5);
@@ -113,7 +109,7 @@ pub fn sort_looking(open: &Files, added: &[PathBuf], volume: Option<&Volume>) ->
     }
     // A name that says mask counts most.
     let by = match named.masks.is_empty() {
-        true => "since it has the values of a mask on the same grid",
+        true => "because it has mask values on the same grid",
         false => "by its name",
     };
     named.masks.splice(0..0, masks.iter().map(|look| look.path.clone()));
@@ -186,7 +182,7 @@ fn combined(open: &Files, named: Named, left_out: Vec<PathBuf>, by: &str) -> Sor
     let mut left_out = left_out;
     if let Some(path) = volumes.pop().filter(|path| files.volume.as_ref() != Some(path)) {
         if let Some(old) = &files.volume {
-            notes.push(format!("{} is the volume in place of {}.", name_of(&path), name_of(old)));
+            notes.push(format!("{} replaces {} as the volume.", name_of(&path), name_of(old)));
         }
         // Region and series were those of the volume before.
         *files = Files {
@@ -198,13 +194,13 @@ fn combined(open: &Files, named: Named, left_out: Vec<PathBuf>, by: &str) -> Sor
         };
     }
     if let (Some(path), Some(volume)) = (masks.pop(), &files.volume) {
-        notes.push(format!("{} is taken for the region of {}, {by}.", name_of(&path), name_of(volume)));
+        notes.push(format!("{} is used as the region of {}, {by}.", name_of(&path), name_of(volume)));
         files.set_region(Some(Region::Mask { path, labels: None }));
     }
     left_out.extend(volumes.into_iter().chain(masks));
     if !left_out.is_empty() {
         let names: Vec<_> = left_out.iter().map(|path| name_of(path)).collect();
-        notes.push(format!("Left out: {}. One volume and one mask can be open.", names.join(", ")));
+        notes.push(format!("Not opened: {}. Only one volume and one mask can be open.", names.join(", ")));
     }
     sorted
 }
@@ -265,14 +261,14 @@ mod tests {
         let with = sort(&open, &paths(&["mask.nii"])).unwrap();
         assert_eq!(with.files.roi, Some("mask.nii".into()));
         assert_eq!(with.files.series.as_deref(), Some("3"), "the volume stays");
-        assert_eq!(with.notes, ["mask.nii is taken for the region of ct.nii, by its name."]);
+        assert_eq!(with.notes, ["mask.nii is used as the region of ct.nii, by its name."]);
         assert_eq!(sort(&with.files, &paths(&["ct.nii"])).unwrap().files, with.files, "it is open already");
         let other = sort(&with.files, &paths(&["mr.nii"])).unwrap();
         assert_eq!(other.files, Files { volume: Some("mr.nii".into()), ..Files::default() });
-        assert_eq!(other.notes, ["mr.nii is the volume in place of ct.nii."]);
+        assert_eq!(other.notes, ["mr.nii replaces ct.nii."]);
         let both = sort(&open, &paths(&["seg.nii", "roi.nii", "mr.nii"])).unwrap();
         assert_eq!((both.files.volume, both.files.roi), (Some("mr.nii".into()), Some("roi.nii".into())));
-        assert!(both.notes[2].contains("Left out: seg.nii."), "{:?}", both.notes);
+        assert!(both.notes[2].contains("Not opened: seg.nii."), "{:?}", both.notes);
     }
 
     #[test]

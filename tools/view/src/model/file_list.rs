@@ -70,7 +70,7 @@ impl FileList {
                 }
                 ui.separator();
                 ui.checkbox(&mut self.all, "All files")
-                    .on_hover_text("also those that cannot be told by their endings");
+                    .on_hover_text("including files with other extensions");
             });
             // A line between them would grow with the window, and the window with it.
             ui.vertical(|ui| {
@@ -97,7 +97,7 @@ impl FileList {
                         }
                     }
                     if found.is_empty() {
-                        ui.weak("nothing here that could be meant");
+                        ui.weak("no matching files here");
                     }
                 });
             });

@@ -71,7 +71,7 @@ pub struct FitStatus {
     pub psnr_db: Option<f64>,
     /// Root mean square error at the voxels of the region, HU for CT, as soon as it is known.
     pub rmse: Option<f64>,
-    /// Error that 99 of 100 voxels of the region do not exceed, HU for CT, once the fit has ended.
+    /// Error that 99 % of the voxels of the region do not exceed, HU for CT, once the fit has ended.
     pub p99: Option<f64>,
     /// True if the user has asked it to stop.
     pub stopping: bool,

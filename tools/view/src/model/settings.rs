@@ -56,7 +56,7 @@ impl Settings {
         let settings: Settings = toml::from_str(&text).map_err(|e| {
             Error::new(Kind::BadData, "VGS-VIEW-004", format!("not the viewer's settings: {e}"))
                 .file(&path)
-                .help("mend or delete the file")
+                .help("correct or delete the file")
         })?;
         Ok(Settings { path: Some(path), ..settings })
     }

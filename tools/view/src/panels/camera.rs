@@ -24,7 +24,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, actions: &mut Vec<Action>) {
     }
     ui.horizontal(|ui| ask(ui, "Whole scene", Action::SeeAll, actions));
     let orbit = &mut state.orbit;
-    row(ui, "Azimuth", "about the body's axis: 0 in front, 90 at the patient's left", |ui| {
+    row(ui, "Azimuth", "around the body's axis: 0 in front, 90 at the patient's left", |ui| {
         let mut azimuth = orbit.azimuth_deg;
         if ui.add(DragValue::new(&mut azimuth).speed(0.5).suffix("°").max_decimals(1)).changed() {
             orbit.turn(azimuth - orbit.azimuth_deg, 0.0);
@@ -46,32 +46,26 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, actions: &mut Vec<Action>) {
             orbit.set_fov(fov);
         }
     });
-    row(
-        ui,
-        "Pivot R A S",
-        "what the camera turns about, mm to the right, to the front and to the head",
-        |ui| {
-            for axis in 0..3 {
-                ui.add(DragValue::new(&mut orbit.pivot_mm[axis]).speed(0.5).max_decimals(1));
-            }
-            ui.label("mm");
-        },
-    );
-    row(ui, "Background", "behind everything; letters are dark on a bright one", |ui| {
-        colour_button(ui, &mut state.background, "the colour behind everything");
+    row(ui, "Pivot R A S", "point that the camera turns around: mm to the right, front and head", |ui| {
+        for axis in 0..3 {
+            ui.add(DragValue::new(&mut orbit.pivot_mm[axis]).speed(0.5).max_decimals(1));
+        }
+        ui.label("mm");
+    });
+    row(ui, "Background", "the background; letters turn dark on a bright one", |ui| {
+        colour_button(ui, &mut state.background, "the background colour");
         for (name, colour) in [("black", DVec3::ZERO), ("white", DVec3::ONE)] {
             if ui.small_button(name).clicked() {
                 state.background = colour;
             }
         }
     });
-    ui.checkbox(&mut state.show.orientation, "Letters of the patient's sides")
+    ui.checkbox(&mut state.show.orientation, "Orientation letters")
         .on_hover_text("R right, L left, A anterior, P posterior, S superior, I inferior");
     ui.checkbox(&mut state.show.scale_bar, "Scale bar").on_hover_text("true at the depth of the pivot");
     ui.checkbox(&mut state.show.colour_bar, "Colour bar")
         .on_hover_text("the colours of the intensities that the transfer function shows");
-    ui.checkbox(&mut state.show.cube, "Cube of the patient's sides")
-        .on_hover_text("click a face to look from there");
+    ui.checkbox(&mut state.show.cube, "Orientation cube").on_hover_text("click a face to look from there");
     bookmarks(ui, state);
 }
 
@@ -81,7 +75,7 @@ fn bookmarks(ui: &mut Ui, state: &mut ViewState) {
     for (i, bookmark) in state.bookmarks.iter_mut().enumerate() {
         ui.push_id(i, |ui| {
             ui.horizontal(|ui| {
-                if ui.button("Go to").on_hover_text("look from there again").clicked() {
+                if ui.button("Go to").on_hover_text("go back to this view").clicked() {
                     state.orbit = bookmark.orbit;
                 }
                 ui.add(TextEdit::singleline(&mut bookmark.name).desired_width(180.0));
@@ -96,7 +90,7 @@ fn bookmarks(ui: &mut Ui, state: &mut ViewState) {
     }
     let full = state.bookmarks.len() >= MOST_BOOKMARKS;
     let keep = ui.add_enabled(!full, egui::Button::new("Keep this view"));
-    if keep.on_hover_text("a bookmark of the camera, which the session file has, too").clicked() {
+    if keep.on_hover_text("a bookmark of the camera, saved with the session").clicked() {
         let name = format!("View {}", state.bookmarks.len() + 1);
         state.bookmarks.push(Bookmark { name, orbit: state.orbit });
     }

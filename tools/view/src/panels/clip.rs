@@ -22,7 +22,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &
         if state.clip.planes.is_empty() {
             ask(ui, "Add plane", Action::Clip, actions);
         } else if state.clip.planes.len() < MOST_PLANES
-            && ui.button("Add plane").on_hover_text("one more clip plane, across the view").clicked()
+            && ui.button("Add plane").on_hover_text("another clip plane, across the view").clicked()
         {
             state.clip.planes.push(across(state, info));
         }
@@ -55,11 +55,11 @@ pub(crate) fn around(state: &ViewState, info: &PanelInfo<'_>) -> CropBox {
 fn plane_rows(ui: &mut Ui, index: usize, plane: &mut Plane, gone: &mut Option<usize>) {
     ui.horizontal(|ui| {
         ui.checkbox(&mut plane.on, format!("Plane {}", index + 1)).on_hover_text("whether it cuts");
-        if ui.button("Flip").on_hover_text("cut away the other side").clicked() {
+        if ui.button("Flip").on_hover_text("flip the side that is cut away").clicked() {
             (plane.normal, plane.offset_mm) = (-plane.normal, -plane.offset_mm);
         }
         for (text, normal) in [("R", DVec3::X), ("A", DVec3::Y), ("S", DVec3::Z)] {
-            let help = "turn it square to this axis, through the same middle";
+            let help = "make it perpendicular to this axis, keeping its centre";
             if ui.button(text).on_hover_text(help).clicked() {
                 let through = plane.normal * plane.offset_mm;
                 (plane.normal, plane.offset_mm) = (normal, normal.dot(through));
@@ -69,10 +69,10 @@ fn plane_rows(ui: &mut Ui, index: usize, plane: &mut Plane, gone: &mut Option<us
             *gone = Some(index);
         }
     });
-    row(ui, "Offset", "along its normal, from the world's zero", |ui| {
+    row(ui, "Offset", "along its normal, from the world origin", |ui| {
         ui.add(DragValue::new(&mut plane.offset_mm).speed(0.5).suffix(" mm").max_decimals(1));
     });
-    row(ui, "Normal", "towards what stays: to the right, to the front, to the head", |ui| {
+    row(ui, "Normal", "points to the side that stays: right, front, head", |ui| {
         let mut normal = plane.normal;
         let mut changed = false;
         for axis in 0..3 {

@@ -14,9 +14,9 @@ pub fn show(ui: &mut Ui, state: &mut ViewState) {
     row(ui, "Edges", "how the edges of a binary mask are shown", |ui| {
         let is_smooth = state.edges != Edges::Voxel;
         let blocks =
-            ui.selectable_label(!is_smooth, "Blocks").on_hover_text("as the mask has them, voxel by voxel");
+            ui.selectable_label(!is_smooth, "Blocks").on_hover_text("blocky, exactly as the mask has them");
         let smooth = ui.selectable_label(is_smooth, "Smooth").on_hover_text(
-            "at 0 mm every voxel stays inside or outside; more takes away stairs of a coarse mask",
+            "at 0 mm every voxel keeps its side; larger values smooth the stairs of a coarse mask",
         );
         if blocks.clicked() {
             state.edges = Edges::Voxel;
@@ -26,7 +26,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState) {
         }
         if let Edges::Within(mm) = &mut state.edges {
             ui.add(DragValue::new(mm).range(0.0..=MOST_MM).speed(0.02).suffix(" mm").fixed_decimals(1))
-                .on_hover_text("drag: how far edges may move to be smooth");
+                .on_hover_text("how far edges may move to be smooth");
         }
     });
 }

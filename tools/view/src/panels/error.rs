@@ -16,11 +16,11 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     let error = match info.error {
         Measured::Nothing => return,
         Measured::Later => {
-            ui.weak("It is measured once the picture is there.");
+            ui.weak("It is measured once the picture is complete.");
             return;
         }
         Measured::Nowhere => {
-            ui.weak("It could not be measured: the splats may be of another scan than the volume.");
+            ui.weak("It could not be measured: the splats may be from another scan.");
             return;
         }
         Measured::Found(error) => error,
@@ -29,24 +29,24 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
         ui.label(line);
     }
     if error.other_volume {
-        ui.colored_label(SIGNAL, "They were fitted to another volume, or to this one read in another way.");
+        ui.colored_label(SIGNAL, "They were fitted to another volume, or to this one read differently.");
     }
     let colours = &mut state.errors;
     ui.checkbox(&mut colours.slices, "Colours in the slices").on_hover_text(
-        "over the grey of the volume: blue where the splats are too low, red where they are too high",
+        "over the greyscale slices: blue where the splats are too low, red where they are too high",
     );
     ui.checkbox(&mut colours.picture, "Colours in the picture")
-        .on_hover_text("surfaces in the colour of their error, in mode decoded; what is seen stays");
+        .on_hover_text("surfaces coloured by their error, in mode decoded; visibility stays the same");
     let mut range = colours.range(error);
     let speed = 0.01 * range;
-    row(ui, "Range", "error at which the colours end", |ui| {
+    row(ui, "Range", "error at which the colours saturate", |ui| {
         let value = DragValue::new(&mut range).speed(speed).range(0.01..=1e6).max_decimals(1);
         if ui.add(value.prefix("± ").suffix(info.unit)).changed() {
             colours.range = Some(range);
         }
         if ui
             .small_button("Auto")
-            .on_hover_text("a round number that 99 of 100 voxels do not exceed")
+            .on_hover_text("a round number that 99 % of the voxels stay below")
             .clicked()
         {
             colours.range = None;
@@ -63,11 +63,11 @@ fn in_words(error: &ShownError, unit: &str, of_region: bool) -> [String; 2] {
     let whose = if of_region { "of the region" } else { "where the splats are" };
     [
         format!(
-            "99 of 100 voxels are within {}{unit}; mean {}{unit}",
+            "99 % of the voxels are within {}{unit}; mean {}{unit}",
             number(figures.p99_hu),
             number(figures.mean_error_hu)
         ),
-        format!("{} voxels {whose}, splats less volume", error.voxels),
+        format!("{} voxels {whose}, splats minus volume", error.voxels),
     ]
 }
 

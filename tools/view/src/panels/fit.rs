@@ -130,7 +130,7 @@ fn region(ui: &mut Ui, form: &mut FitForm, files: &Files, info: &PanelInfo<'_>, 
     row(ui, "Region", "what is fitted; the slices show it in colour", |ui| {
         for (text, by_mask, help) in [
             ("Threshold", false, "the voxels between two intensities"),
-            ("Mask", true, "a file; it can be dropped on the window, too"),
+            ("Mask", true, "a file; you can also drop it on the window"),
         ] {
             ui.selectable_value(&mut form.by_mask, by_mask, text).on_hover_text(help);
         }
@@ -149,29 +149,29 @@ fn region(ui: &mut Ui, form: &mut FitForm, files: &Files, info: &PanelInfo<'_>, 
         if let (true, Some(region)) = (find.clicked(), chosen) {
             actions.push(Action::Region(Some(region)));
         }
-        find.on_hover_text("makes this the region: slices and picture show it")
-            .on_disabled_hover_text("the region is found, or nothing is chosen yet");
+        find.on_hover_text("use this as the region, shown in slices and picture")
+            .on_disabled_hover_text("the region is up to date, or nothing is chosen yet");
         let whole = ui.add_enabled(files.region().is_some(), Button::new("Whole volume"));
-        if whole.on_hover_text("shows the volume without a region").clicked() {
+        if whole.on_hover_text("show the volume without a region").clicked() {
             actions.push(Action::Region(None));
         }
     });
     match info.region.filter(|_| found) {
         Some(size) => _ = ui.label(format!("{} voxels, {:.1} ml", size.voxels, size.ml)),
         None if form.by_mask => _ = ui.weak("open a mask, or drop one on the window"),
-        None => _ = ui.weak("the slices show the voxels before they are cleaned"),
+        None => _ = ui.weak("the slices show the voxels before cleaning"),
     }
 }
 
 fn mask(ui: &mut Ui, form: &mut FitForm, actions: &mut Vec<Action>) {
-    row(ui, "File", "0 and 1, soft from 0 to 1, or labels", |ui| {
+    row(ui, "File", "binary, soft from 0 to 1, or labels", |ui| {
         ask(ui, "Open…", Action::AskMask, actions);
         if let Some(path) = &form.mask {
             let name = path.file_name().unwrap_or_default().to_string_lossy();
             ui.add(egui::Label::new(name).truncate()).on_hover_text(path.display().to_string());
         }
     });
-    row(ui, "Labels", "of a label map: numbers or names, with commas between them", |ui| {
+    row(ui, "Labels", "of a label map: numbers or names, separated by commas", |ui| {
         ui.add(TextEdit::singleline(&mut form.labels).hint_text("as it is").desired_width(f32::INFINITY));
     });
 }
@@ -185,16 +185,16 @@ fn between(ui: &mut Ui, threshold: &mut Threshold, info: &PanelInfo<'_>) {
         ui.label("to");
         ui.add(DragValue::new(high).speed(speed).max_decimals(1).suffix(info.unit));
     });
-    optional(ui, "Pieces from", "leaves out smaller connected pieces", min_ml, 1.0, |ml| {
+    optional(ui, "Pieces from", "remove smaller connected pieces", min_ml, 1.0, |ml| {
         DragValue::new(ml).speed(0.05).range(0.0..=1e6).max_decimals(3).suffix(" ml")
     });
-    optional(ui, "Largest", "keeps the largest connected pieces", largest, 1, |count| {
+    optional(ui, "Largest", "keep the largest connected pieces", largest, 1, |count| {
         DragValue::new(count).speed(0.05).range(1..=1000).suffix(" kept")
     });
     optional(ui, "Close gaps", "with a ball of this radius", close_mm, 2.0, |mm| {
         DragValue::new(mm).speed(0.05).range(0.0..=MAX_CLOSE_MM).max_decimals(2).suffix(" mm")
     });
-    row(ui, "Fill holes", "what is enclosed on all sides", |ui| ui.checkbox(fill_holes, ""));
+    row(ui, "Fill holes", "fill what is enclosed on all sides", |ui| ui.checkbox(fill_holes, ""));
 }
 
 /// Shows a value that may be left out.
@@ -229,7 +229,7 @@ fn plan(
     ui.separator();
     let usual = usual_profile(!info.unit.is_empty());
     let mut profile = form.profile.unwrap_or(usual);
-    row(ui, "Profile", "hyper-parameters for a purpose", |ui| {
+    row(ui, "Profile", "settings for a kind of data", |ui| {
         ComboBox::from_id_salt("profile").selected_text(profile).width(110.0).show_ui(ui, |ui| {
             for row in PROFILES {
                 ui.selectable_value(&mut profile, row.name, row.name).on_hover_text(row.about);
@@ -237,7 +237,7 @@ fn plan(
         });
     });
     form.profile = Some(profile).filter(|name| *name != usual);
-    row(ui, "Quality", "error against cost", |ui| {
+    row(ui, "Quality", "trade-off between error and cost", |ui| {
         for row in QUALITIES {
             ui.selectable_value(&mut form.quality, row.name, row.name).on_hover_text(row.about);
         }
@@ -247,7 +247,7 @@ fn plan(
         let splats = config.splat_count(size.weight);
         let cost = if config.has_goal() {
             format!(
-                "as many splats as it takes to have 99 of 100 voxels within {}{}; {} iterations",
+                "as many splats as it takes for 99 % of the voxels to be within {}{}; {} iterations",
                 config.target_hu, info.unit, config.iterations
             )
         } else {
@@ -256,18 +256,18 @@ fn plan(
         };
         let (time, known) = match times(profile, form.quality, size.voxels) {
             Some(time) => {
-                (format!(", about {}", seconds(time)), "the time is that of the last such fit, by voxels")
+                (format!(", about {}", seconds(time)), "estimated from the last such fit, by voxels")
             }
-            None => (String::new(), "the first iterations tell how long it takes on this device"),
+            None => (String::new(), "the first iterations will show how long it takes on this device"),
         };
-        ui.label(cost + &time).on_hover_text(format!("a .vgs has about an eighth of that; {known}"));
+        ui.label(cost + &time).on_hover_text(format!("a .vgs takes about an eighth of that; {known}"));
     }
     let button = ui.add_enabled(found.is_some(), Button::new("Fit splats"));
     if button.clicked() {
         actions.push(Action::StartFit { profile, quality: form.quality });
     }
     button
-        .on_hover_text("fits splats to the region, beside the window")
+        .on_hover_text("fit splats to the region in the background")
         .on_disabled_hover_text("find a region first");
 }
 
@@ -285,7 +285,7 @@ fn progress(ui: &mut Ui, status: &FitStatus, info: &PanelInfo<'_>, actions: &mut
     }
     if let (Some(psnr), Some(rmse)) = (status.psnr_db, status.rmse) {
         if let Some(p99) = status.p99 {
-            ui.label(format!("99 of 100 voxels are within {p99:.1}{} of the scan", info.unit));
+            ui.label(format!("99 % of the voxels are within {p99:.1}{} of the scan", info.unit));
         }
         ui.label(format!("error {rmse:.1}{}, PSNR {psnr:.1} dB", info.unit)).on_hover_text(
             "at the voxels of the region: root mean square error, and PSNR over the range of intensities",
@@ -297,16 +297,16 @@ fn progress(ui: &mut Ui, status: &FitStatus, info: &PanelInfo<'_>, actions: &mut
     ui.horizontal(|ui| match status.stage {
         Stage::Preparing | Stage::Running => {
             let button = ui.add_enabled(!status.stopping, Button::new("Stop"));
-            if button.on_hover_text("ends the fit; the splats so far can be kept").clicked() {
+            if button.on_hover_text("stop the fit; the splats so far can be kept").clicked() {
                 actions.push(Action::StopFit);
             }
         }
         Stage::Ended => {
-            ask(ui, "Keep…", Action::AskKeep, actions).on_hover_text("writes the splats to a file");
-            if ui.button("Discard").on_hover_text("drops the splats").clicked() {
+            ask(ui, "Keep…", Action::AskKeep, actions).on_hover_text("save the splats to a file");
+            if ui.button("Discard").on_hover_text("discard the splats").clicked() {
                 actions.push(Action::DiscardFit);
             }
-            ui.colored_label(SIGNAL, "not yet in a file");
+            ui.colored_label(SIGNAL, "not saved yet");
         }
         Stage::Writing => {}
     });

@@ -6,11 +6,11 @@ use crate::model::actions::KEYS;
 
 /// Mouse actions in the picture.
 const MOUSE: [(&str, &str); 8] = [
-    ("Drag", "turn about the pivot"),
+    ("Drag", "turn around the pivot"),
     ("Shift+Drag, middle", "move"),
-    ("Wheel", "nearer and farther, towards the cursor"),
-    ("Right drag", "window and level: across wider, up higher"),
-    ("Double click", "turn about this point from now on"),
+    ("Wheel", "zoom towards the cursor"),
+    ("Right drag", "window (left-right) and level (up-down)"),
+    ("Double click", "make this point the pivot"),
     ("In the editor: drag", "move a point; with Shift finer"),
     ("Double click, Insert", "add a point"),
     ("In the editor: Delete", "remove the point"),

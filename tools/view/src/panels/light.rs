@@ -30,7 +30,7 @@ pub fn response(ui: &mut Ui, state: &mut ViewState) {
 
 fn shade(ui: &mut Ui, state: &mut ViewState) {
     ui.checkbox(&mut state.transfer.material.shade, "Light")
-        .on_hover_text("surfaces are lit, after Blinn and Phong; otherwise colours appear as they are");
+        .on_hover_text("light surfaces (Blinn-Phong); otherwise colours appear as they are");
 }
 
 /// Shows a ball under the light, on which it is dragged, and what the light is fixed to.
@@ -38,29 +38,25 @@ fn direction(ui: &mut Ui, state: &mut ViewState) {
     let axes = state.orbit.axes();
     let light = &mut state.light;
     ui.horizontal(|ui| {
-        ball(ui, light, axes).on_hover_text("drag: where the light comes from; in the picture Ctrl and drag");
+        ball(ui, light, axes).on_hover_text("drag to move the light; in the picture, Ctrl and drag");
         ui.vertical(|ui| {
             ui.horizontal(|ui| {
                 let headlight = ui.small_button("Headlight");
-                if headlight
-                    .on_hover_text("from where the viewer is: both sides of the body are alike")
-                    .clicked()
-                {
+                if headlight.on_hover_text("from the viewer: both sides of the body look alike").clicked() {
                     *light = Light { fill: light.fill, ..Light::HEAD };
                 }
-                if ui.small_button("Usual").on_hover_text("above the viewer's left shoulder, alone").clicked()
+                if ui
+                    .small_button("Usual")
+                    .on_hover_text("from the upper left, without a second light")
+                    .clicked()
                 {
                     *light = Light::default();
                 }
             });
             ui.horizontal(|ui| {
                 for (to, name, help) in [
-                    (FixedTo::Camera, "with the camera", "the light goes along when the picture turns"),
-                    (
-                        FixedTo::Patient,
-                        "with the patient",
-                        "the light stays where it is when the picture turns",
-                    ),
+                    (FixedTo::Camera, "with the camera", "the light turns with the camera"),
+                    (FixedTo::Patient, "with the patient", "the light turns with the patient"),
                 ] {
                     let chosen = light.fixed_to == to;
                     if ui.selectable_label(chosen, name).on_hover_text(help).clicked() && !chosen {
@@ -69,7 +65,7 @@ fn direction(ui: &mut Ui, state: &mut ViewState) {
                 }
             });
             ui.horizontal(|ui| {
-                let help = "share of a second light, from the other side: at 0.5 left and right are alike";
+                let help = "strength of a second light from the other side: at 0.5 both sides look alike";
                 ui.label("Fill").on_hover_text(help);
                 ui.add(Slider::new(&mut light.fill, 0.0..=MOST_FILL).max_decimals(2)).on_hover_text(help);
             });
@@ -126,18 +122,18 @@ pub(crate) fn drag(light: &mut Light, by: egui::Vec2, radius: f32, axes: [DVec3;
 fn material(ui: &mut Ui, state: &mut ViewState) {
     let material = &mut state.transfer.material;
     for (name, help, value, most) in [
-        ("Ambient", "share of the colour that needs no light", &mut material.ambient, 1.0),
-        ("Diffuse", "share of the colour that follows the angle to the light", &mut material.diffuse, 1.0),
-        ("Specular", "strength of the highlight", &mut material.specular, 1.0),
+        ("Ambient", "part of the colour that needs no light (ambient)", &mut material.ambient, 1.0),
         (
-            "Shininess",
-            "exponent of the highlight: greater is smaller and sharper",
-            &mut material.power,
-            100.0,
+            "Diffuse",
+            "part of the colour that depends on the angle to the light (diffuse)",
+            &mut material.diffuse,
+            1.0,
         ),
+        ("Specular", "strength of the highlight", &mut material.specular, 1.0),
+        ("Shininess", "exponent of the highlight: larger is smaller and sharper", &mut material.power, 100.0),
         (
             "Occlusion",
-            "share of the light that crevices lose, in modes volume and decoded",
+            "part of the light that crevices lose, in modes volume and decoded",
             &mut material.occlusion,
             1.0,
         ),

@@ -157,7 +157,7 @@ impl Messages {
                         ui.set_max_width(wide);
                         if message.bad {
                             ui.horizontal(|ui| {
-                                ui.label(RichText::new("It did not work").color(SIGNAL));
+                                ui.label(RichText::new("Something went wrong").color(SIGNAL));
                                 closed = ui.small_button("✖").on_hover_text("close (Esc)").clicked();
                             });
                         }

@@ -56,13 +56,14 @@ pub fn show(context: &Context, asked: &Missing) -> Option<Choice> {
         ui.set_width(460.0);
         ui.heading(if missing.len() == 1 { "A file is missing" } else { "Files are missing" });
         let name = asked.session.file_name().unwrap_or_default().to_string_lossy();
-        ui.label(format!("{name} shows files that are neither where it says nor beside it."));
+        ui.label(format!("{name} refers to files that are neither where it says nor next to it."));
         let mut choice = None;
         ScrollArea::vertical().max_height(240.0).show(ui, |ui| {
             for path in missing {
                 ui.horizontal(|ui| {
-                    let find =
-                        ui.button("Find…").on_hover_text("say where it is; others beside it are found, too");
+                    let find = ui
+                        .button("Find…")
+                        .on_hover_text("show where it is; others next to it are found as well");
                     if find.clicked() {
                         choice = Some(Choice::Find(path.clone()));
                     }
@@ -72,11 +73,11 @@ pub fn show(context: &Context, asked: &Missing) -> Option<Choice> {
             }
         });
         ui.horizontal(|ui| {
-            let without = ui.button("Open without").on_hover_text("what belongs to them is left out, too");
+            let without = ui.button("Open without").on_hover_text("what belongs to them is left out as well");
             if without.clicked() {
                 choice = Some(Choice::LeaveOut);
             }
-            if ui.button("Cancel").on_hover_text("what is open stays").clicked() {
+            if ui.button("Cancel").on_hover_text("keep what is open").clicked() {
                 choice = Some(Choice::Cancel);
             }
         });

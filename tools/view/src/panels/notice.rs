@@ -12,7 +12,7 @@ pub fn show(context: &Context) -> bool {
              a diagnosis, a measurement for treatment, or any other clinical decision on what it shows.",
         );
         ui.add_space(6.0);
-        ui.button("I understand").on_hover_text("this is asked once").clicked()
+        ui.button("I understand").on_hover_text("you will only be asked once").clicked()
     });
     modal.inner
 }
@@ -50,23 +50,19 @@ pub fn leave(context: &Context, loss: Loss, ends: bool) -> Option<Leaving> {
     let [go, help, after] = match ends {
         true => [
             "Quit without saving",
-            "ends the program, and a fit that runs",
-            "asks for its file, and then ends the program",
+            "end the program, and any fit that is running",
+            "save it first, then quit",
         ],
-        false => [
-            "Open without saving",
-            "drops what has changed",
-            "asks for its file, and then opens the other session",
-        ],
+        false => ["Open without saving", "discard the changes", "save it first, then open the other session"],
     };
     let modal = Modal::new(Id::new("leave")).show(context, |ui| {
         ui.set_max_width(380.0);
-        ui.heading(if loss.fit { "The fit is in no file" } else { "The session has changed" });
+        ui.heading(if loss.fit { "The fit has not been saved" } else { "Unsaved changes" });
         if loss.fit {
-            ui.label("Its splats are lost if the window is closed now.");
+            ui.label("Its splats will be lost if the window is closed now.");
         }
         if loss.session {
-            ui.label("No session file has what was set, deleted or measured since it was last saved.");
+            ui.label("Settings, deletions and measurements since the last save will be lost.");
         }
         ui.add_space(6.0);
         ui.horizontal(|ui| {
@@ -80,7 +76,7 @@ pub fn leave(context: &Context, loss: Loss, ends: bool) -> Option<Leaving> {
                 button("Save session", after, Leaving::Save);
             }
             button(go, help, Leaving::Go);
-            button("Cancel", "everything stays as it is", Leaving::Stay);
+            button("Cancel", "change nothing", Leaving::Stay);
             answer
         })
         .inner

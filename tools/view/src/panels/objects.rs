@@ -112,7 +112,7 @@ fn lines(objects: &[Object], memory: &Memory) -> Vec<Line> {
 /// Shows the list. Without `actions` objects cannot be saved.
 pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: Option<&mut Vec<Action>>) {
     if info.fitted {
-        ui.weak("The splats of the fit, which are in no file yet.");
+        ui.weak("The fitted splats, not saved yet.");
         return;
     }
     if state.objects.is_empty() {
@@ -129,7 +129,7 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: O
                 }
             }
             let usual = ui.small_button("Usual look");
-            let help = "gives each object the colour that is usual for its name and a function for its kind";
+            let help = "give each object the usual colour for its name and a function for its kind";
             if usual.on_hover_text(help).clicked() {
                 take_usual_look(state, info);
             }
@@ -170,12 +170,12 @@ fn unseen(state: &ViewState, info: &PanelInfo<'_>) -> Vec<Option<String>> {
         let of_object = object.transfer.as_ref().filter(|_| own_functions);
         let of_object: Option<TransferFunction> = of_object.and_then(|function| function.function().ok());
         let seen = own.are_seen(of_object.as_ref().or(scene.as_ref())?);
-        (!seen).then(|| format!("hardly seen: mostly {low:.0} to {high:.0}{}", info.unit))
+        (!seen).then(|| format!("barely visible: mostly {low:.0} to {high:.0}{}", info.unit))
     };
     state.objects.iter().enumerate().map(words).collect()
 }
 
-/// Shows one warning for all objects that are hardly seen, with a button that mends it.
+/// Shows one warning for all objects that are barely visible, with a button that mends it.
 fn warning(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, unseen: &[Option<String>]) {
     let rows = || state.objects.iter().zip(unseen).filter_map(|(object, why)| Some((object, why.as_ref()?)));
     let count = rows().count();
@@ -183,9 +183,9 @@ fn warning(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, unseen: &[O
         return;
     }
     let text = match (count, state.objects.len()) {
-        (1, 1) => "This is hardly seen.".to_owned(),
-        (1, _) => rows().map(|(object, _)| format!("{} is hardly seen.", object.name)).collect(),
-        (count, all) => format!("{count} of {all} objects are hardly seen."),
+        (1, 1) => "This is barely visible.".to_owned(),
+        (1, _) => rows().map(|(object, _)| format!("{} is barely visible.", object.name)).collect(),
+        (count, all) => format!("{count} of {all} objects are barely visible."),
     };
     let mut help = "The transfer function is transparent for most of their splats:".to_owned();
     rows().take(NAMED).for_each(|(object, why)| help.push_str(&format!("\n{}: {why}", object.name)));
@@ -195,7 +195,7 @@ fn warning(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, unseen: &[O
     ui.horizontal_wrapped(|ui| {
         ui.colored_label(SIGNAL, text).on_hover_text(help);
         let mend = ui.small_button("Make them visible");
-        if mend.on_hover_text("gives all objects their usual look").clicked() {
+        if mend.on_hover_text("give all objects their usual look").clicked() {
             take_usual_look(state, info);
         }
     });
@@ -225,7 +225,7 @@ impl List<'_> {
         });
         let lines = lines(&state.objects, memory);
         if lines.is_empty() {
-            ui.weak("No object has such a name.");
+            ui.weak("No object matches.");
         }
         let height = row_height(ui);
         let list = ScrollArea::vertical().id_salt("objects").max_height(HEIGHT).auto_shrink([false, true]);
@@ -248,7 +248,7 @@ impl List<'_> {
             visible += usize::from(object.visible);
         }
         line(ui, |ui| {
-            if eye(ui, visible > 0).on_hover_text("shows or hides all of them").clicked() {
+            if eye(ui, visible > 0).on_hover_text("show or hide all of them").clicked() {
                 state.objects.iter_mut().filter(of_heading).for_each(|object| object.visible = visible == 0);
             }
             let folded = memory.folded.contains(heading);
@@ -270,7 +270,8 @@ impl List<'_> {
         let object = &mut objects[row];
         ui.push_id(row, |ui| {
             line(ui, |ui| {
-                let eye = eye(ui, object.visible).on_hover_text("shown or hidden; with Shift this one alone");
+                let eye =
+                    eye(ui, object.visible).on_hover_text("show or hide; with Shift, show only this one");
                 if eye.clicked() && several && ui.input(|input| input.modifiers.shift) {
                     alone = true;
                 } else if eye.clicked() {
@@ -284,11 +285,11 @@ impl List<'_> {
                     object.opacity * 100.0
                 });
                 ui.spacing_mut().slider_width = 44.0;
-                ui.add(percent.suffix(" %").fixed_decimals(0)).on_hover_text("factor of the opacity per mm");
+                ui.add(percent.suffix(" %").fixed_decimals(0)).on_hover_text("scales the opacity per mm");
                 if several {
                     let only = ui.add(Button::selectable(is_alone, "Only"));
                     let help =
-                        if is_alone { "shows again what was shown before" } else { "shows this one alone" };
+                        if is_alone { "show again what was shown before" } else { "show only this one" };
                     alone |= only.on_hover_text(help).clicked();
                 }
                 let is_deleted = more(ui, object, deleted, self.info, self.actions.as_deref_mut());
@@ -349,15 +350,16 @@ fn more(
     let is_deleted = deleted.contains(&own);
     let menu = ui.menu_button("…", |ui| {
         if is_deleted {
-            if ui.button("Restore").on_hover_text("takes back that it was deleted").clicked() {
+            if ui.button("Restore").on_hover_text("undelete it").clicked() {
                 deleted.retain(|deletion| *deletion != own);
             }
-        } else if ui.button("Delete").on_hover_text("its splats; their file stays as it is").clicked() {
+        } else if ui.button("Delete").on_hover_text("delete its splats; their file stays as it is").clicked()
+        {
             deleted.push(own);
         }
         let save = Button::new("Save this object…");
         if let Some(actions) = actions
-            && ui.add_enabled(!is_deleted, save).on_hover_text("its splats, to a file of their own").clicked()
+            && ui.add_enabled(!is_deleted, save).on_hover_text("save its splats to a separate file").clicked()
         {
             actions.push(Action::AskSaveObject(target));
         }
@@ -376,7 +378,7 @@ pub(crate) fn restore(ui: &mut Ui, deleted: &mut Vec<Deletion>, info: &PanelInfo
         let all = info.splats.unwrap_or(0) + info.deleted;
         ui.label(format!("{} of {all} splats are deleted", info.deleted))
             .on_hover_text("their files stay as they are");
-        if ui.small_button("Restore all").on_hover_text("takes back everything that was deleted").clicked() {
+        if ui.small_button("Restore all").on_hover_text("undelete everything").clicked() {
             deleted.clear();
         }
     });
@@ -397,7 +399,7 @@ fn own_function(ui: &mut Ui, own: &mut Option<Transfer>, info: &PanelInfo<'_>) {
             }
         }
     });
-    menu.response.on_hover_text("one of its own, in mode decoded");
+    menu.response.on_hover_text("its own, in mode decoded");
 }
 
 /// Shows the choice between a colour of the object's own, at first `first`, and that of the transfer function.

@@ -278,8 +278,7 @@ impl Prompt {
             ui.add(TextEdit::singleline(&mut self.title).hint_text("that of its objects"))
         });
         ui.label(
-            "Whoever has the page has the splats in it, also of objects that are hidden and of what planes cut away. What \
-             is deleted is not in it.",
+            "Anyone with the page has its splats, including those of hidden objects and those cut away by planes. Deleted splats are not in it.",
         );
     }
 
@@ -296,7 +295,7 @@ impl Prompt {
                 }
             }
         });
-        row(ui, "In print", "width and height on paper; a PNG tells them to other programs", |ui| {
+        row(ui, "In print", "size on paper; stored in the PNG for other programs", |ui| {
             let [mut width, height] = options.printed_mm();
             let value = DragValue::new(&mut width).range(1.0..=3000.0).suffix(" mm").max_decimals(1);
             if ui.add(value).changed() {
@@ -312,7 +311,7 @@ impl Prompt {
         });
         ui.checkbox(&mut options.told, "Letters, bars, cube, names and distances, as shown");
         if self.purpose == Purpose::Record {
-            row(ui, "Frames", "of the full turn", |ui| {
+            row(ui, "Frames", "for a full turn", |ui| {
                 ui.add(DragValue::new(&mut self.frames).range(2..=3600))
             });
         }

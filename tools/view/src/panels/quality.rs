@@ -40,12 +40,12 @@ pub fn show(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>, actions: &
     step_row(ui, state, info);
     budget_row(ui, state, info);
     let quality = &mut state.quality;
-    row(ui, "Frame target", "what a frame may take while the picture moves", |ui| {
+    row(ui, "Frame target", "time that a frame may take while the picture moves", |ui| {
         let value = DragValue::new(&mut quality.target_frame_ms).speed(0.1).range(1.0..=1000.0);
         ui.add(value.suffix(" ms").max_decimals(1));
     });
     ui.checkbox(&mut quality.adaptive, "Coarser while moving")
-        .on_hover_text("quality falls until the target is met; at rest it is full again");
+        .on_hover_text("lower the quality until the target is met; full quality at rest");
     ui.checkbox(&mut state.show.overlay, "Frame times")
         .on_hover_text("frame times, passes, splats and memory");
 }
@@ -62,7 +62,7 @@ fn mode_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                     "these splats have colours of their own, and no intensities to classify"
                 }
                 _ => {
-                    "these splats were fitted for the voxels of their scan: other modes would show ghosts between them"
+                    "these splats were fitted at the voxels of their scan: other modes would show artefacts between them"
                 }
             };
             row(ui, "Mode", why, |ui| ui.label(mode.name).on_hover_text(format!("{}; {why}", about(mode))));
@@ -84,11 +84,11 @@ fn step_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
         Some(StepOf::Samples) => (
             1.0,
             " voxels",
-            "how far apart a ray looks at the data where something shows, in edges of a voxel: less is finer and slower",
+            "distance between samples along a ray where something shows, in voxels: smaller is finer and slower",
         ),
         Some(StepOf::Slabs) => match info.sigma_mm {
             Some(mm) => {
-                (mm, " mm", "how thick the slabs are that a ray is cut into: less is finer and slower")
+                (mm, " mm", "thickness of the slabs that a ray is cut into: smaller is finer and slower")
             }
             None => return,
         },
@@ -108,7 +108,7 @@ fn step_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
 fn budget_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     let Some(splats) = info.splats.filter(|_| state.mode.needs != Needs::DecodedField) else { return };
     let budget = &mut state.quality.splat_budget;
-    row(ui, "Splat budget", "most splats that are drawn", |ui| {
+    row(ui, "Splat budget", "largest number of splats drawn", |ui| {
         let mut limited = budget.is_some();
         if ui.checkbox(&mut limited, "").on_hover_text("limit how many splats are drawn").changed() {
             *budget = limited.then_some((splats as u64).max(1));

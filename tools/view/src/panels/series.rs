@@ -68,7 +68,7 @@ pub fn show(context: &Context, series: &Series, pictures: &mut SeriesPictures) -
                 }
             });
         });
-        if ui.button("Cancel").on_hover_text("what is open stays").clicked() {
+        if ui.button("Cancel").on_hover_text("keep what is open").clicked() {
             choice = Some(Choice::Cancel);
         }
         choice

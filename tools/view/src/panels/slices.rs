@@ -199,7 +199,7 @@ fn over(grey: f32, error: f64) -> [f32; 3] {
 fn legend(ui: &mut Ui, error: Option<f64>, range: f64, unit: &str) {
     match error {
         Some(error) => ui.monospace(format!("error {error:+.1}{unit}")),
-        None => ui.weak("no error here: outside of the region"),
+        None => ui.weak("no error here: outside the region"),
     };
     let (rect, _) = ui.allocate_exact_size(vec2(ui.available_width(), 12.0), Sense::hover());
     bar(ui, rect, |share| over(0.5, 2.0 * share - 1.0));
@@ -268,10 +268,10 @@ fn foot(ui: &mut Ui, at_mm: DVec3, intensity: Option<f64>, window: &mut [f64; 2]
             None => ui.weak("nothing here"),
         };
         ui.monospace(format!("({:.1}, {:.1}, {:.1}) mm", at_mm.x, at_mm.y, at_mm.z))
-            .on_hover_text("the crosshair: right, anterior, superior of the scanner's zero");
+            .on_hover_text("the crosshair: right, anterior, superior of the scanner's origin");
     });
     ui.horizontal(|ui| {
-        ui.label("Window").on_hover_text("black and white of the slices; drag with the right button, too");
+        ui.label("Window").on_hover_text("greyscale window of the slices; or drag with the right button");
         let [low, high] = window;
         let speed = (*high - *low).abs() * 0.005;
         ui.add(DragValue::new(low).speed(speed).max_decimals(0));

@@ -29,20 +29,20 @@ pub fn show(
 ) {
     ui.horizontal(|ui| {
         match reading {
-            None => _ = ui.weak("point at something"),
+            None => _ = ui.weak("move the mouse over something"),
             Some(Reading { at_mm, intensity }) => {
                 if let Some(v) = intensity {
                     ui.monospace(format!("{v:7.1}{}", info.unit))
                         .on_hover_text("intensity of the surface under the cursor");
                 }
                 ui.monospace(format!("({:.1}, {:.1}, {:.1}) mm RAS", at_mm.x, at_mm.y, at_mm.z))
-                    .on_hover_text("right, anterior, superior of the scanner's zero");
+                    .on_hover_text("right, anterior, superior of the scanner's origin");
             }
         }
         if let Some(distance) = state.distances.last() {
             ui.separator();
             ui.monospace(format!("distance {:.1} mm", distance.mm()))
-                .on_hover_text("the last one that was measured");
+                .on_hover_text("the last distance measured");
         }
         if let Some(mm) = scale {
             ui.separator();

@@ -41,8 +41,8 @@ pub fn curve(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &Pan
         Backdrop { range: info.range, splats: info.splat_histogram, volume: info.volume_histogram };
     let by_kind = state.objects.iter().filter(|object| object.has_usual_function()).count();
     if by_kind > 0 {
-        let text = "Each object has a function for its kind. What is changed here is for all of them.";
-        ui.weak(text).on_hover_text("Usual look, above the objects, gives them back");
+        let text = "Each object has a function for its kind. Changes here apply to all of them.";
+        ui.weak(text).on_hover_text("Usual look, above the objects, restores them");
     }
     state.edit_transfer(|state| {
         widget::show(ui, editor, &mut state.transfer, &backdrop, TALL);
@@ -101,7 +101,7 @@ fn choices(ui: &mut Ui, state: &ViewState, info: &PanelInfo<'_>, actions: &mut V
         });
         ask(ui, "Open…", Action::AskTransfer, actions);
         ask(ui, "Save…", Action::AskSaveTransfer, actions)
-            .on_hover_text("write it to a file as a Slicer volume property");
+            .on_hover_text("save it as a Slicer volume property");
     });
 }
 
@@ -112,7 +112,7 @@ fn point(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &PanelIn
     ui.horizontal(|ui| {
         if ui
             .button("+")
-            .on_hover_text("add a point beside the chosen one (Insert, or double click)")
+            .on_hover_text("add a point next to the selected one (Insert, or double click)")
             .clicked()
         {
             editor.add_beside(transfer, full);
@@ -120,14 +120,14 @@ fn point(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &PanelIn
         let chosen = editor.selected(transfer);
         let enough = transfer.points.len() > 2 && chosen.is_some();
         let minus = ui.add_enabled(enough, egui::Button::new("−"));
-        if minus.on_hover_text("remove the chosen point (Delete); two stay").clicked() {
+        if minus.on_hover_text("remove the selected point (Delete); at least two remain").clicked() {
             editor.remove(transfer);
         }
         if ui.button("All").on_hover_text("all intensities in view; the wheel zooms").clicked() {
             editor.view_all();
         }
         let Some(index) = editor.selected(transfer) else {
-            ui.weak("choose a point, or double click for a new one");
+            ui.weak("select a point, or double click to add one");
             return;
         };
         let mut colour = transfer.points[index].colour;
@@ -141,7 +141,7 @@ fn point(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &PanelIn
         let moved = ui.add(value).on_hover_text("the point's intensity").changed();
         let value =
             DragValue::new(&mut percent).speed(0.1).range(0.0..=100.0).max_decimals(2).suffix(" %/mm");
-        let raised = ui.add(value).on_hover_text("share of light that a millimetre absorbs").changed();
+        let raised = ui.add(value).on_hover_text("part of the light that a millimetre absorbs").changed();
         if moved || raised {
             editor.move_to(transfer, at, percent / 100.0, full);
         }
@@ -149,7 +149,7 @@ fn point(ui: &mut Ui, state: &mut ViewState, editor: &mut Editor, info: &PanelIn
 }
 
 fn shift_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
-    row(ui, "Shift", "moves all points", |ui| {
+    row(ui, "Shift", "move all points", |ui| {
         let span = info.range[1] - info.range[0];
         let slider = Slider::new(&mut state.transfer.shift, -0.25 * span..=0.25 * span);
         ui.add(slider.suffix(info.unit).clamping(egui::SliderClamping::Never).max_decimals(1));
@@ -163,7 +163,7 @@ fn shift_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
 fn gradient_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     let transfer = &mut state.transfer;
     let span = (info.range[1] - info.range[0]).max(1e-6);
-    let help = "shows edges alone, in modes volume and decoded: nothing up to the first gradient, all from the second on";
+    let help = "show edges only, in modes volume and decoded: nothing below the first gradient, everything above the second";
     ui.horizontal(|ui| {
         let mut on = !transfer.gradient_opacities.is_empty();
         if ui.checkbox(&mut on, "Gradient").on_hover_text(help).changed() {
@@ -174,9 +174,7 @@ fn gradient_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
                 let changed = ui.add(slope(&mut from, span).range(0.0..=to)).changed();
                 let unit = format!("{}/voxel", info.unit);
                 let change = ui.add(slope(&mut to, span).range(from..=f64::MAX).suffix(unit));
-                if change
-                    .on_hover_text("change of the intensity over a mean edge of the CT's voxels")
-                    .changed()
+                if change.on_hover_text("change of intensity over one mean voxel spacing").changed()
                     || changed
                 {
                     transfer.set_gradient_ramp(Some([from, to]));

@@ -44,7 +44,7 @@ pub fn all_deleted(ui: &mut Ui, rect: Rect, deleted: &mut Vec<Deletion>, info: &
     let place = Rect::from_center_size(rect.center(), vec2(250.0, 80.0)).intersect(rect);
     ui.scope_builder(UiBuilder::new().max_rect(place), |ui| {
         ui.vertical_centered(|ui| {
-            ui.heading("No splats are left");
+            ui.heading("No splats left");
             objects::restore(ui, deleted, info);
         });
     });

@@ -1,7 +1,7 @@
 //! Deletes splats beside the window: what is left of them comes into the picture once it is found.
 
 use super::viewer::{Viewer, is_lost};
-use crate::io::loader::{Left, Loaded};
+use crate::io::loader::{Loaded, Remaining};
 use crate::model::state::Subject;
 
 impl Viewer {
@@ -18,9 +18,9 @@ impl Viewer {
     }
 
     /// Takes the splats that deletions leave. Returns the subject that has to be shown anew.
-    pub(super) fn take_left(&mut self, left: Left) -> Option<Subject> {
+    pub(super) fn take_left(&mut self, left: Remaining) -> Option<Subject> {
         self.deleting = false;
-        match self.data.take(Loaded::Left(left)) {
+        match self.data.take(Loaded::Remaining(left)) {
             Ok(subject) => subject.filter(|_| self.data.fitted.is_none()),
             // The window begins anew, and tries it again.
             Err(error) if is_lost(&error) => {

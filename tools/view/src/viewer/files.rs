@@ -88,7 +88,7 @@ impl Viewer {
         // What is still being read is read again, together with the new files.
         let fresh = *self.open_files.read() == Files::default();
         self.app.state.files = sorted.files;
-        self.fits |= fresh;
+        self.frame_all |= fresh;
         if !sorted.notes.is_empty() {
             self.app.done(sorted.notes.join(" "));
         }
@@ -100,7 +100,7 @@ impl Viewer {
     pub(super) fn begin_session(&mut self, state: ViewState, session: PathBuf) -> Vec<Subject> {
         self.app.settings.opened(&session);
         self.app.begin(state, Some(session));
-        self.fits = false;
+        self.frame_all = false;
         if let Err(error) = self.app.settings.write() {
             self.app.report(&error);
         }
@@ -155,7 +155,7 @@ impl Viewer {
         force: bool,
     ) {
         let state = self.app.state.clone();
-        let Some(left) = self.left_splats() else { return };
+        let Some(left) = self.remaining_splats() else { return };
         let gpu = canvas.gpu().clone();
         self.loader.write_to_the_end(path.clone(), move |_| {
             let left_out = left().write(&gpu, &state, object, &path, force)?;
@@ -171,7 +171,7 @@ impl Viewer {
     /// Begins to write what is shown as a page.
     pub(super) fn share(&mut self, canvas: &Canvas, path: PathBuf, title: String, force: bool) {
         let state = self.app.state.clone();
-        let Some(left) = self.left_splats() else { return };
+        let Some(left) = self.remaining_splats() else { return };
         let gpu = canvas.gpu().clone();
         self.loader.write_to_the_end(path.clone(), move |_| {
             let sizes = sharing::write(&gpu, &state, &left(), &title, &path, force)?;
@@ -180,11 +180,11 @@ impl Viewer {
     }
 
     /// Returns what finds the splats that deletions leave, on any thread; `None` without splats.
-    fn left_splats(&self) -> Option<impl FnOnce() -> Arc<LoadedSplats> + Send + 'static> {
+    fn remaining_splats(&self) -> Option<impl FnOnce() -> Arc<LoadedSplats> + Send + 'static> {
         let deleted = self.app.state.deleted.clone();
         let whole = self.data.splats.clone()?;
         // What was deleted last may still be being found.
-        let left = self.data.left_splats().filter(|_| *self.data.deleted() == deleted[..]).cloned();
+        let left = self.data.remaining_splats().filter(|_| *self.data.deleted() == deleted[..]).cloned();
         Some(move || left.unwrap_or_else(|| Arc::new(whole.without(&deleted))))
     }
 }

@@ -13,7 +13,7 @@ use crate::screen::canvas::Canvas;
 
 /// Returns the name of the work without which splats cannot be shown decoded.
 fn decoding(subject: Subject) -> &'static str {
-    if subject == Subject::Beside { "decoding the field beside" } else { "decoding the field" }
+    if subject == Subject::Beside { "decoding the field to compare with" } else { "decoding the field" }
 }
 
 impl Viewer {
@@ -108,14 +108,14 @@ impl Viewer {
         };
         if needs(Needs::Faces) {
             let job = splats.preparation(canvas.gpu())?;
-            self.loader.prepare("making what moves fast", |_| job());
+            self.loader.prepare("preparing what moves", |_| job());
         }
         if needs(Needs::DecodedField) {
             if mode_row(self.wanted_mode(subject)).needs == Needs::DecodedField {
                 self.decode(canvas, subject)?;
             } else if !self.decoding.contains_key(&subject) {
                 self.loader.prepare(
-                    "decoding what moves fast",
+                    "decoding what moves",
                     splats.decoding(canvas.gpu(), self.app.state.decoding())?,
                 );
             }

@@ -143,7 +143,7 @@ pub struct Viewer {
     /// True while there is nothing better than a draft in slabs, because the field is still being decoded.
     pub(super) waits: bool,
     /// True if the camera is to see everything once something is there.
-    pub(super) fits: bool,
+    pub(super) frame_all: bool,
     /// Options of the device of a fit.
     pub(super) gpu: GpuOptions,
     /// The fit beside the window.
@@ -160,7 +160,7 @@ impl Viewer {
     /// Creates a viewer and begins to read the files of the state.
     pub fn new(start: Start, mut loader: Loader, report: WindowReport) -> Self {
         let Start { state, session, asked, objects, settings, gpu, .. } = start;
-        let fits = session.is_none();
+        let frame_all = session.is_none();
         let budget_ms = state.quality.target_frame_ms;
         let mut app = match session {
             // Nothing is shown before the user has said where the rest is.
@@ -217,7 +217,7 @@ impl Viewer {
             decoding: BTreeMap::new(),
             waits: false,
             object_changes: objects,
-            fits,
+            frame_all,
             gpu,
             fit: None,
             deleting: false,
@@ -269,7 +269,7 @@ impl Viewer {
             if let Loaded::Written(path, note) = &loaded {
                 self.app.done(format!("Written: {}{note}", path.display()));
             }
-            if let Loaded::Left(left) = loaded {
+            if let Loaded::Remaining(left) = loaded {
                 new.extend(self.take_left(left));
                 continue;
             }
@@ -283,8 +283,7 @@ impl Viewer {
                 self.choose_mode(&splats.set);
                 if splats.far > 0 {
                     self.app.done(format!(
-                        "{} of {} splats lie far from all others: the picture is framed without them. A crop box and \
-                         Delete outside remove them.",
+                        "{} of {} splats lie far from all others, so the picture is framed without them. Remove them with a crop box and Delete outside.",
                         splats.far,
                         splats.set.splats.len()
                     ));
@@ -307,7 +306,7 @@ impl Viewer {
             if let Some(subject) = unread {
                 let open_files = &mut self.open_files;
                 self.app.change_unasked(|state| {
-                    open_files.could_not_be_read(subject, &mut state.files);
+                    open_files.revert(subject, &mut state.files);
                     state.forget_missing_files();
                 });
                 if self.app.state.files.beside.is_none() && self.data.beside.is_some() {
@@ -368,8 +367,7 @@ impl Viewer {
         let kind = SplatKind::of(set);
         let Some(own) = kind.own_mode().and_then(SplatMode::named) else { return };
         if std::mem::replace(&mut self.app.state.mode, own) != own && kind == SplatKind::Coloured {
-            self.app
-                .done(format!("These splats have colours and no intensity: mode {} shows them", own.name));
+            self.app.done(format!("These splats have colours but no intensity: shown in mode {}", own.name));
         }
     }
 
@@ -379,7 +377,7 @@ impl Viewer {
         self.prepared.remove(&subject);
         self.decoding.remove(&subject);
         let mut without_hu = false;
-        if let (Subject::Splats, Some(splats)) = (subject, self.data.left_splats()) {
+        if let (Subject::Splats, Some(splats)) = (subject, self.data.remaining_splats()) {
             let rows = splats.objects.iter().map(|(object, _, count)| (object.clone(), *count));
             let (rows, counts) = rows.unzip();
             let changes = std::mem::take(&mut self.object_changes);
@@ -406,15 +404,15 @@ impl Viewer {
             });
         }
         if without_hu {
-            self.app.done(format!("What is shown has no HU: {} is its function", transfer::FIRST_WITHOUT_HU));
+            self.app.done(format!("No Hounsfield units: using the preset {}", transfer::FIRST_WITHOUT_HU));
         }
         if subject == Subject::Splats && self.data.waits && self.data.fitted.is_none() {
             return Ok(());
         }
         self.put_scene(canvas, subject)?;
-        if self.fits && self.data.has(subject) {
-            self.app.fit_soon();
-            self.fits = false;
+        if self.frame_all && self.data.has(subject) {
+            self.app.frame_all_soon();
+            self.frame_all = false;
         }
         self.budget = self.app.state.quality.splat_budget;
         Ok(())
@@ -531,7 +529,7 @@ impl Viewer {
             beside: data.has(Subject::Beside),
             volume: data.has(Subject::Volume),
             object_splats,
-            object_intensities: data.left_splats().map_or(&[], |splats| &splats.intensities),
+            object_intensities: data.remaining_splats().map_or(&[], |splats| &splats.intensities),
             splat_histogram: data.splat_histogram.as_ref().filter(|_| data.fitted.is_none()),
             volume_histogram: data.volume_histogram.as_ref(),
             error: data.error(),

@@ -38,7 +38,7 @@ on luma. FLIP is the mean at 67 pixels per degree: 0 is no difference that is
 seen, 1 the greatest; the order of the two pictures does not matter.
 
 Volumes: PSNR is -10 log10 of the mean squared difference of intensities from
-0 to 1, over the range that is stated. RMSE, the difference that 99 of 100
+0 to 1, over the range that is stated. RMSE, the difference that 99 % of the
 voxels do not exceed and the largest one are B less A in the unit of the
 volumes, not clipped. Every voxel of the region counts once; of a soft mask
 these are the ones above 1 % of its maximum. Splats are brought onto the grid

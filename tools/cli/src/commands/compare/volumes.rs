@@ -87,7 +87,7 @@ fn text(o: &VolumeComparison, volume: &Volume, chosen: Option<Range>) -> String 
     let [nx, ny, nz] = o.size;
     let mut out = format!(
         "voxels   {} of {nx} x {ny} x {nz}\nrange    {ranges} ({})\nPSNR     {psnr}\nMSE      {:.6e} of the range \
-         squared\nRMSE     {:.2}{unit}\nmean     {:+.2}{unit}\nwithin   {:.2}{unit} in 99 of 100 voxels\nlargest  ",
+         squared\nRMSE     {:.2}{unit}\nmean     {:+.2}{unit}\nwithin   {:.2}{unit} in 99 % of the voxels\nlargest  ",
         c.voxels,
         range_of(chosen).1,
         c.mse,

@@ -19,7 +19,7 @@ pub fn given_back(arguments: &ConvertArguments, set: SplatSet, original: &Path) 
     let splats = arguments.first();
     let summary = splat::describe(splats, &ReadOptions::default())?;
     if summary.layout != splat::ply::ORDINARY {
-        let message = "the file states itself what --like would take from another";
+        let message = "the file already has what --like would take from another";
         return Err(Error::new(Kind::Usage, "VGS-CLI-129", message)
             .file(splats)
             .help("leave out --like")
@@ -27,7 +27,7 @@ pub fn given_back(arguments: &ConvertArguments, set: SplatSet, original: &Path) 
     }
     let original = splat::read(original, &ReadOptions::default())?;
     if original.unit.is_physical() && !set.unit.is_physical() {
-        tracing::warn!("{}: the other program has left no intensities but their grey", splats.display());
+        tracing::warn!("{}: the other program kept only the grey of the intensities", splats.display());
     }
     Ok(set.with_statements_of(&original))
 }
@@ -44,7 +44,7 @@ pub fn fitted_again(arguments: &ConvertArguments, set: &SplatSet, volume: &Path)
         let message = format!("the splats were fitted on another grid than that of {}", volume.display());
         return Err(Error::new(Kind::Usage, "VGS-CLI-100", message)
             .file(arguments.first())
-            .help("give the volume of their fit, or no --volume")
+            .help("give the volume they were fitted to, or leave --volume out")
             .into());
     }
     warn_of_another_volume(set, &case.volume, volume);

@@ -96,10 +96,10 @@ impl Checkpoints {
         if let Some(state) = states.into_iter().find(|path| path.exists())
             && !checkpoints.write.force
         {
-            let message = "an interrupted fit has left its state here";
+            let message = "an interrupted fit left its state here";
             return Err(Error::new(Kind::CannotCreate, "VGS-CLI-030", message)
                 .file(state)
-                .help("go on with --resume, or begin again with --force"));
+                .help("continue with --resume, or start over with --force"));
         }
         if let Some(every) = checkpoints.every {
             for k in (every..=config.iterations).step_by(every as usize) {
@@ -176,7 +176,7 @@ impl Checkpoints {
             let message = "there is no state of an interrupted fit here";
             return Err(Error::new(Kind::Missing, "VGS-CLI-035", message)
                 .file(last)
-                .help("a fit that ended leaves none: begin without --resume"));
+                .help("a finished fit leaves none: start without --resume"));
         }
         match self.read_from(&last) {
             Ok(interrupted) => {
@@ -186,7 +186,7 @@ impl Checkpoints {
             Err(error) if error.kind != Kind::Usage && previous.exists() => {
                 let interrupted = self.read_from(&previous)?;
                 let iteration = interrupted.state.iteration;
-                tracing::warn!("{error}; going on from the state before it, of iteration {iteration}");
+                tracing::warn!("{error}; continuing from the state before it, iteration {iteration}");
                 Ok(interrupted)
             }
             Err(error) => Err(error),
@@ -198,12 +198,12 @@ impl Checkpoints {
         let notes: StateNotes = serde_json::from_str(&text).map_err(|e| {
             Error::new(Kind::BadData, "VGS-CLI-032", format!("the notes cannot be read: {e}"))
                 .file(path)
-                .help("start the fit anew, with --force")
+                .help("start over, with --force")
         })?;
         let other = |what: String| {
             Err(Error::new(Kind::Usage, "VGS-CLI-033", format!("this is the state of another fit: {what}"))
                 .file(path)
-                .help("give the flags of the interrupted fit, or begin again with --force"))
+                .help("give the flags of the interrupted fit, or start over with --force"))
         };
         for (name, hash) in &self.inputs {
             if notes.inputs.get(name) != Some(hash) {
@@ -211,12 +211,12 @@ impl Checkpoints {
             }
         }
         if notes.inputs.len() != self.inputs.len() || notes.region != self.region {
-            return other("the region of interest is chosen otherwise".into());
+            return other("the region of interest is chosen differently".into());
         }
         let changed = differences(&notes.config, &self.config);
         if !changed.is_empty() {
             let all: Vec<_> =
-                changed.iter().map(|(key, was, is)| format!("{key} was {was} and is {is} now")).collect();
+                changed.iter().map(|(key, was, is)| format!("{key} was {was} and is now {is}")).collect();
             return other(all.join(", "));
         }
         Ok(Interrupted { state, seconds: notes.seconds, curve: notes.curve })

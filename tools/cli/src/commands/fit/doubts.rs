@@ -72,8 +72,7 @@ fn doubts(mask_within: Option<f64>, splats: usize, voxels: f64) -> Vec<Doubt> {
     if density > MANY {
         doubts.push(Doubt {
             text: format!(
-                "{splats} splats are {density:.1} for each voxel of the region; 0.1 is usual, and more than 1 helps \
-                 nobody"
+                "{splats} splats are {density:.1} for each voxel of the region; 0.1 is usual, and more than 1 is never useful"
             ),
             asks: density > FAR_TOO_MANY,
         });
@@ -83,7 +82,7 @@ fn doubts(mask_within: Option<f64>, splats: usize, voxels: f64) -> Vec<Doubt> {
 
 /// Asks whether to go on, and returns true for yes; an empty answer is no.
 fn answer(input: &mut impl BufRead) -> bool {
-    let _ = write!(io::stderr(), "Fit it all the same? [y/N] ");
+    let _ = write!(io::stderr(), "Fit it anyway? [y/N] ");
     let mut line = String::new();
     input.read_line(&mut line).is_ok() && matches!(line.trim().to_lowercase().as_str(), "y" | "yes")
 }

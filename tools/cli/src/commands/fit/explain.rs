@@ -94,7 +94,7 @@ pub fn estimate(plan: &Trying<'_>) -> Result<Estimate> {
     let Trying { gpu, prepared, first, begun, .. } = plan;
     let Prepared { plan: fit, case, settings, .. } = prepared;
     let problem = fit.problem();
-    let waiting = Waiting::on("trying the first iterations, to tell what the fit will cost");
+    let waiting = Waiting::on("running the first iterations, to estimate what the fit will cost");
     let mut rates = Rates { before: prepared.before.as_secs_f64(), ..Rates::default() };
     let splats = time_iterations(plan, &mut rates, &waiting)?;
     let early = errors(plan, &splats)?;

@@ -109,9 +109,11 @@ fn warn_of_target(prepared: &Prepared<'_>, evaluated: &Evaluated) {
     let Some(db) = prepared.settings.missed_db(surplus) else { return };
     let target = goal.text(prepared.case.volume.unit().text());
     if prepared.settings.is_aim() {
-        tracing::warn!("{target} was aimed at, and is missed by {db:.1} dB: --target-hu reaches it");
+        tracing::warn!(
+            "the aim of {target} is missed by {db:.1} dB; --target-hu makes it a target that is reached"
+        );
     } else {
-        tracing::warn!("{target} is missed by {db:.2} dB: the limits of the fit leave no more splats");
+        tracing::warn!("{target} is missed by {db:.2} dB: the limits of the fit allow no more splats");
     }
 }
 
@@ -199,7 +201,7 @@ fn summary(
     let how = match &outcome.end {
         End::Finished => "fitted",
         End::Stopped => "stopped early: fitted",
-        End::Failed(_) => "failed: what is left are",
+        End::Failed(_) => "failed: left are",
     };
     let mut out = format!(
         "{how} {} splats to {} voxels in {} ({} iterations, {} each; {} with reading and all the rest)\n",

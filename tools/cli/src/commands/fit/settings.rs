@@ -35,7 +35,7 @@ impl SettingsArguments {
         let defaults = Settings::values(&FitConfig::default());
         for (&key, text) in &self.given {
             let value = parse(text, &defaults[key]).ok_or_else(|| {
-                Settings::wrong_value(&format!("--{}", flag_of(key)), &format!("{text:?} cannot be read"))
+                Settings::wrong_value(&format!("--{}", flag_of(key)), &format!("{text:?} cannot be parsed"))
             })?;
             values.push((key.to_owned(), value));
         }
@@ -121,7 +121,7 @@ impl Args for SettingsArguments {
             .help(format!("Hyper-parameters to start from: {}", profiles.collect::<Vec<_>>().join("; ")));
         let qualities = QUALITIES.iter().map(|row| format!("{} ({})", row.name, row.about));
         let named: Vec<_> = QUALITIES.iter().map(|row| row.name).collect();
-        let short = format!("Error against cost: {} [default: {DEFAULT_QUALITY}]", named.join(", "));
+        let short = format!("Quality preset: {} [default: {DEFAULT_QUALITY}]", named.join(", "));
         let quality = Arg::new("quality")
             .long("quality")
             .value_name("NAME")

@@ -45,7 +45,7 @@ impl Watch for FitWatch<'_> {
         self.span = f64::from(high) - f64::from(low);
         let before = match iterations {
             0 => String::new(),
-            _ => format!("going on after {iterations} iterations: "),
+            _ => format!("continuing after {iterations} iterations: "),
         };
         let problem = self.prepared.plan.problem();
         let (voxels, unit) = (problem.roi().voxel_count(), problem.volume().unit().text());

@@ -74,7 +74,7 @@ pub struct RenderArguments {
     /// red where they are too high; in mode decoded
     #[arg(long, help_heading = "Picture", conflicts_with_all = ["object", "object_colours"])]
     pub error: bool,
-    /// Error at which these colours end, HU [default: a round number that 99 of 100 voxels do not exceed]
+    /// Error at which these colours end, HU [default: a round number that 99 % of the voxels stay below]
     #[arg(long, value_name = "HU", requires = "error", help_heading = "Picture", value_parser = values::above_zero)]
     pub error_range: Option<f64>,
     /// From where: a side (anterior, left, superior ..., or several as anterior-left), or a file with eye_mm,

@@ -95,7 +95,7 @@ fn angles(text: &str) -> Option<[f64; 2]> {
 fn fill(text: &str) -> Result<f64, String> {
     let found = text.parse().ok().filter(|v| (0.0..=MOST_FILL).contains(v));
     found.ok_or_else(|| {
-        format!("a number from 0 to {MOST_FILL} is needed: at {MOST_FILL} both lights are as strong")
+        format!("a number from 0 to {MOST_FILL} is needed: at {MOST_FILL} both lights are equally strong")
     })
 }
 

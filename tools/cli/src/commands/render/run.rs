@@ -160,7 +160,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
 fn tell_error(error: &ShownError, error_range: f64, console: &Console) -> ErrorOutput {
     let figures = &error.figures;
     console.say(&format!(
-        "the error is below {:.1}{unit} in 99 of 100 voxels, {:.1}{unit} in the mean, of {} voxels; full blue is \
+        "the error is below {:.1}{unit} in 99 % of the voxels, {:.1}{unit} in the mean, of {} voxels; full blue is \
          {:.1}{unit} too low, full red as much too high",
         figures.p99_hu,
         figures.mean_error_hu,
@@ -191,9 +191,7 @@ fn warn_of_unheeded(arguments: &RenderArguments, row: &ModeRow, look: &Look) {
         if !row.occlusion {
             tracing::warn!("mode {} shows no ambient occlusion; modes volume and decoded do", row.name);
         } else if !look.transfer.material.shade {
-            tracing::warn!(
-                "--occlusion takes light away, and this transfer function has none; add --shade on"
-            );
+            tracing::warn!("--occlusion has no effect: this transfer function is unlit; add --shade on");
         }
     }
 }
@@ -324,7 +322,7 @@ impl RenderArguments {
             Error::new(
                 Kind::BadData,
                 "VGS-CLI-158",
-                "the splats lie nowhere in the volume: they are of different scans, or one lost its place",
+                "the splats do not lie in the volume: they are of different scans, or one lost its position",
             )
             .file(path)
         })
@@ -384,7 +382,7 @@ impl RenderArguments {
         look.transfer = self.changed(look.transfer)?;
         if self.light.change(&mut look.transfer.material.clone()) && !look.transfer.material.shade {
             tracing::warn!(
-                "flags of the light change nothing: this transfer function has none; add --shade on"
+                "flags of the light have no effect: this transfer function is unlit; add --shade on"
             );
         }
         for function in look.functions.values_mut() {
@@ -532,14 +530,12 @@ fn warn_of_unseen(set: &SplatSet, look: &Look, own_functions: bool, asked: bool)
         .collect();
     let (function, all) = (&look.transfer.name, objects.len());
     let help = match asked && all > 1 {
-        true => "leave --tf out, and every kind is shown, or choose another --tf",
+        true => "leave --tf out to show every kind, or choose another --tf",
         false => "choose another --tf, or --tf-shift",
     };
     match &unseen[..] {
         [] => {}
-        [one] => tracing::warn!(
-            "{one}, is here and can hardly be seen: {function} is transparent for most of it; {help}"
-        ),
+        [one] => tracing::warn!("{one}, is barely visible: {function} is transparent for most of it; {help}"),
         some => {
             let more = match some.len().saturating_sub(NAMED) {
                 0 => String::new(),
@@ -548,8 +544,7 @@ fn warn_of_unseen(set: &SplatSet, look: &Look, own_functions: bool, asked: bool)
             let count = some.len();
             let named = some[..count.min(NAMED)].join("; ");
             tracing::warn!(
-                "{count} of {all} objects are here and can hardly be seen, since {function} is transparent for most \
-                 of their splats ({named}{more}); {help}"
+                "{count} of {all} objects are barely visible, since {function} is transparent for most of their splats ({named}{more}); {help}"
             );
         }
     }

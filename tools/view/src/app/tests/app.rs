@@ -1,4 +1,5 @@
 use egui::{Context, Event, Key, Modifiers, PointerButton, Pos2, RawInput, Shape, pos2, vec2};
+use engine::error::Kind;
 use engine::fidelity::ShownError;
 use engine::render::{Intensities, SplatKind};
 use engine::splat::{Splat, SplatSet};
@@ -8,7 +9,7 @@ use super::*;
 use crate::model::fit_plan::FitStatus;
 use crate::model::orbit::{Orbit, Side};
 use crate::model::region::RegionSize;
-use crate::model::state::{Object, SplatMode};
+use crate::model::state::{Files, SplatMode, Subject};
 use crate::model::transfer::Transfer;
 
 #[path = "asking.rs"]
@@ -52,7 +53,7 @@ fn objects_that_the_function_does_not_show_are_told_once_and_made_visible_by_a_b
     let soft = PRESETS.iter().find(|p| p.name == "CT-Soft-Tissue").expect("a preset");
     bench.app.state.transfer = Transfer::new(&soft.over([-1000.0, 2000.0]));
     bench.rest();
-    let told = "aorta is hardly seen.";
+    let told = "aorta is barely visible.";
     assert!(bench.find(told).y < bench.find("liver").y, "above the list");
     // What is hidden on purpose is not missed.
     bench.app.state.objects[1].visible = false;
@@ -62,7 +63,7 @@ fn objects_that_the_function_does_not_show_are_told_once_and_made_visible_by_a_b
     let bone = Transfer::new(&PRESETS[0].over([-1000.0, 2000.0]));
     bench.app.state.transfer = bone.clone();
     bench.rest();
-    assert!(bench.place_of("2 of 2 objects are hardly seen.").is_some());
+    assert!(bench.place_of("2 of 2 objects are barely visible.").is_some());
     let mend = bench.find("Make them visible");
     bench.click(mend);
     bench.rest();
@@ -444,7 +445,7 @@ fn a_face_of_the_crop_box_is_dragged_in_the_picture() {
 #[test]
 fn letters_and_scale_are_over_the_picture() {
     let mut bench = Bench::new();
-    bench.app.fit_soon();
+    bench.app.frame_all_soon();
     bench.rest();
     for letter in ["R", "L", "S", "I", "50 mm"] {
         assert!(bench.app.picture().contains(bench.find(letter)), "{letter}");

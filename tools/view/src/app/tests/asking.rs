@@ -47,7 +47,7 @@ fn a_dialog_of_the_desktop_leads_to_what_it_was_asked_for() {
     bench.press(Key::O, Modifiers::COMMAND);
     assert_eq!(answer(&mut bench, Reply::Chosen(vec![])).1, []);
     bench.rest();
-    bench.find("What was chosen is in no folder of this computer");
+    bench.find("The chosen file is not in a local folder");
     assert!(bench.app.prompt.is_none() && bench.app.asked.is_none());
     // What has options of its own is asked by our own dialog.
     bench.press(Key::P, Modifiers::COMMAND);
@@ -61,7 +61,7 @@ fn one_dialog_is_open_at_a_time_and_escape_closes_it() {
     bench.press(Key::O, Modifiers::COMMAND);
     bench.press(Key::T, Modifiers::COMMAND);
     assert_eq!(shown.borrow().len(), 1);
-    bench.find("A dialog for files is open already");
+    bench.find("A file dialog is already open");
     // The window goes on meanwhile.
     let before = bench.app.state.orbit;
     bench.press(Key::L, Modifiers::NONE);

@@ -116,7 +116,7 @@ fn where_nothing_is_left_it_can_be_restored() {
     bench.app.state.deleted = vec![Deletion::Inside(bounds())];
     (bench.deleted, bench.nothing) = (1250, true);
     bench.rest();
-    bench.find("No splats are left");
+    bench.find("No splats left");
     assert!(bench.place_of("Nothing is open").is_none());
     let at = bench.places_of("Restore all").into_iter().find(|at| bench.app.picture().contains(*at));
     bench.click(at.expect("in the middle of the picture"));
@@ -155,7 +155,7 @@ fn a_session_that_has_changed_is_not_lost_unasked() {
     bench.press(Key::PageDown, Modifiers::NONE);
     bench.app.change_unasked(|state| state.objects[0].name = "b".into());
     assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), []);
-    bench.find("The session has changed");
+    bench.find("Unsaved changes");
     assert_eq!(click(&mut bench, "Cancel"), []);
     assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), []);
     assert_eq!(click(&mut bench, "Quit without saving"), [Action::Quit]);
@@ -204,10 +204,10 @@ fn a_session_that_has_changed_is_not_lost_unasked() {
     assert_eq!(leave(&mut bench), []);
     assert_eq!(click(&mut bench, "Replace"), []);
     bench.rest();
-    bench.find("The fit is in no file");
+    bench.find("The fit has not been saved");
     assert!(bench.place_of("Save session").is_none());
     // What is no longer lost is no longer asked about.
     bench.fit = None;
     bench.rest();
-    assert!(bench.place_of("The fit is in no file").is_none() && bench.app.leaving.is_none());
+    assert!(bench.place_of("The fit has not been saved").is_none() && bench.app.leaving.is_none());
 }

@@ -31,9 +31,9 @@ fn the_error_is_told_in_words() {
     assert_eq!(bench.place_of("Error"), None, "nothing to compare");
     bench.error = Some(error(false));
     bench.rest();
-    bench.find("99 of 100 voxels are within 27 HU; mean 5.8 HU");
-    bench.find("2 voxels where the splats are, splats less volume");
-    let warning = "They were fitted to another volume, or to this one read in another way.";
+    bench.find("99 % of the voxels are within 27 HU; mean 5.8 HU");
+    bench.find("2 voxels where the splats are, splats minus volume");
+    let warning = "They were fitted to another volume, or to this one read differently.";
     assert_eq!(bench.place_of(warning), None);
     bench.error = Some(error(true));
     bench.rest();
@@ -64,5 +64,5 @@ fn its_colours_are_switched_and_have_a_bar() {
     bench.find("-50 HU, too low");
     bench.app.state.slices.at_mm = Some(DVec3::new(2.0, 0.0, 0.0));
     bench.rest();
-    bench.find("no error here: outside of the region");
+    bench.find("no error here: outside the region");
 }

@@ -68,14 +68,14 @@ fn a_region_is_chosen_and_fitted_from_the_panel() {
         let size = engine::figures::bytes(crate::model::fit_plan::ply_bytes(splats));
         format!("{splats} splats, {iterations} iterations, {size} as .ply")
     };
-    bench.find("as many splats as it takes to have 99 of 100 voxels within 30 HU; 200 iterations");
+    bench.find("as many splats as it takes for 99 % of the voxels to be within 30 HU; 200 iterations");
     click(&mut bench, "preview");
     bench.find(&estimate(100, 50));
     bench.app.settings.fit_took("default", "preview", 101, 0.3);
     bench.rest();
     bench.find(&format!("{}, about 3.0 s", estimate(100, 50)));
     click(&mut bench, "fine");
-    bench.find("as many splats as it takes to have 99 of 100 voxels within 15 HU; 200 iterations");
+    bench.find("as many splats as it takes for 99 % of the voxels to be within 15 HU; 200 iterations");
     assert_eq!(click(&mut bench, "Fit splats"), [Action::StartFit { profile: "default", quality: "fine" }]);
 
     // Another cleaning is another region, which must be found first.
@@ -157,11 +157,11 @@ fn a_fit_is_watched_stopped_kept_and_dropped() {
     }
     assert!(bench.place_of("Find").is_none() && bench.place_of("Keep…").is_none());
     assert_eq!(click(&mut bench, "Stop"), [Action::StopFit]);
-    assert!(bench.place_of("99 of 100 voxels").is_none(), "not measured yet");
+    assert!(bench.place_of("99 % of the voxels").is_none(), "not measured yet");
     bench.fit = Some(FitStatus { p99: Some(61.5), ..status(Stage::Ended) });
     bench.rest();
     bench.find("50 of 200 iterations in 10 s");
-    bench.find("99 of 100 voxels are within 61.5 HU of the scan");
+    bench.find("99 % of the voxels are within 61.5 HU of the scan");
     let folder = tempfile::tempdir().expect("a folder");
     bench.app.state.files.splats = vec![folder.path().join("a.ply")];
     click(&mut bench, "Keep…");
@@ -184,16 +184,16 @@ fn a_fit_is_not_lost_unasked() {
     for stage in [Stage::Running, Stage::Ended] {
         bench.fit = Some(status(stage));
         assert_eq!(bench.press(Key::Q, Modifiers::COMMAND), []);
-        bench.find("The fit is in no file");
+        bench.find("The fit has not been saved");
         assert!(bench.place_of("Save session").is_none(), "the session has not changed");
         assert_eq!(click(&mut bench, "Cancel"), []);
-        assert!(bench.place_of("The fit is in no file").is_none());
+        assert!(bench.place_of("The fit has not been saved").is_none());
     }
     // The window's own button, however often it is clicked.
     for _ in 0..3 {
         bench.app.ask_to_leave();
         bench.rest();
-        bench.find("The fit is in no file");
+        bench.find("The fit has not been saved");
     }
     assert_eq!(click(&mut bench, "Quit without saving"), [Action::Quit]);
 }

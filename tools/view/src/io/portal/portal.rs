@@ -47,7 +47,7 @@ fn ask_over(
             talk(&connection, &question, &parent, &replier).await
         });
         replier.send(reply.unwrap_or_else(|error| {
-            tracing::info!("no dialog of the desktop: {error}");
+            tracing::info!("no desktop file dialog: {error}");
             Reply::Unavailable
         }));
         wake();
@@ -86,7 +86,7 @@ async fn talk(
             connection.call_method(Some(PORTAL), &request, Some(REQUEST), "Close", &()).await?;
             return Ok(Reply::Cancelled);
         };
-        let response = response.ok_or_else(|| Error::Failure("the bus has gone".to_owned()))??;
+        let response = response.ok_or_else(|| Error::Failure("the bus is gone".to_owned()))??;
         if response.header().path().is_some_and(|path| *path == *request) {
             let (code, results) = response.body().deserialize()?;
             return reply_of(code, results, begin.elapsed());

@@ -221,7 +221,7 @@ impl Orbit {
         match rows.iter().find(|(good, _)| !good) {
             None => Ok(()),
             Some((_, what)) => Err(Error::new(Kind::BadData, "VGS-VIEW-003", format!("[orbit] {what}"))
-                .help("mend the number, or take the section out to look from the front")),
+                .help("correct the number, or remove the section to look from the front")),
         }
     }
 }

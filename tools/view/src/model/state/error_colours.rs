@@ -21,7 +21,7 @@ impl ErrorColours {
         *self == ErrorColours::default()
     }
 
-    /// Returns the error at which the colours end.
+    /// Returns the error at which the colours saturate.
     pub fn range(&self, error: &ShownError) -> f64 {
         self.range.unwrap_or(error.range)
     }

@@ -564,12 +564,12 @@ impl ViewState {
     /// # Errors
     /// Returns [`Kind::BadData`].
     pub fn parse(text: &str) -> Result<Self> {
-        let help = "a session file is written by `vgs view`; mend the line, or begin without it";
+        let help = "a session file is written by `vgs view`; correct the line, or start without it";
         let version = |text: &str| text.parse::<toml::Table>().ok()?.get("version")?.as_integer();
         if let Some(found) = version(text).filter(|v| *v != i64::from(VERSION)) {
             let message = format!("a session file of version {found}; this program reads {VERSION}");
             return Err(Error::new(Kind::BadData, "VGS-VIEW-001", message)
-                .help("open it with the program that wrote it, or begin without it"));
+                .help("open it with the program that wrote it, or start without it"));
         }
         let state: ViewState = toml::from_str(text).map_err(|e| {
             Error::new(Kind::BadData, "VGS-VIEW-002", format!("not a session file: {e}")).help(help)
@@ -633,7 +633,7 @@ impl ViewState {
         match rows.iter().find(|(good, _)| !good) {
             None => Ok(()),
             Some((_, what)) => Err(Error::new(Kind::BadData, "VGS-VIEW-003", *what)
-                .help("mend the line in the session file, or begin without it")),
+                .help("correct the line in the session file, or start without it")),
         }
     }
 }
@@ -662,7 +662,7 @@ pub(crate) fn text_of(path: &Path, max_bytes: u64) -> Result<String> {
         return Err(bad(format!("larger than {max_bytes} bytes, so no file of this program")));
     }
     String::from_utf8(bytes)
-        .map_err(|e| bad(format!("no text: byte {} is not UTF-8", e.utf8_error().valid_up_to())))
+        .map_err(|e| bad(format!("not text: byte {} is not UTF-8", e.utf8_error().valid_up_to())))
 }
 
 #[cfg(test)]

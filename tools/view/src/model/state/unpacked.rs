@@ -91,7 +91,7 @@ impl Unpacked {
             return Err(wrong(format!("it holds more than {MOST_FILES} files")));
         }
         if archive.has_overlapping_entries().map_err(|e| damaged(path, e))? {
-            return Err(wrong("its files overlap, as no program writes them".to_owned()));
+            return Err(wrong("its files overlap, which no program writes".to_owned()));
         }
         let mut builder = tempfile::Builder::new();
         builder.prefix(PREFIX);
@@ -111,7 +111,7 @@ impl Unpacked {
         for index in 0..archive.len() {
             let mut entry = archive.by_index(index).map_err(|e| damaged(path, e))?;
             let Some(name) = entry.enclosed_name() else {
-                return Err(wrong(format!("{:?} would lie outside of its folder", entry.name())));
+                return Err(wrong(format!("{:?} would end up outside its folder", entry.name())));
             };
             if entry.is_dir() {
                 continue;
@@ -128,7 +128,7 @@ impl Unpacked {
             // The checksum is judged where an entry ends.
             let rest = io::copy(&mut entry.take(1), &mut io::sink()).map_err(|e| damaged(path, e.into()))?;
             if written != size || rest != 0 {
-                return Err(wrong("a file in it has another size than it claims".to_owned()));
+                return Err(wrong("a file in it does not have the size it claims".to_owned()));
             }
         }
         let zip = std::path::absolute(path).unwrap_or_else(|_| path.to_owned());
