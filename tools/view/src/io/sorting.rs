@@ -265,7 +265,7 @@ mod tests {
         assert_eq!(sort(&with.files, &paths(&["ct.nii"])).unwrap().files, with.files, "it is open already");
         let other = sort(&with.files, &paths(&["mr.nii"])).unwrap();
         assert_eq!(other.files, Files { volume: Some("mr.nii".into()), ..Files::default() });
-        assert_eq!(other.notes, ["mr.nii replaces ct.nii."]);
+        assert_eq!(other.notes, ["mr.nii replaces ct.nii as the volume."]);
         let both = sort(&open, &paths(&["seg.nii", "roi.nii", "mr.nii"])).unwrap();
         assert_eq!((both.files.volume, both.files.roi), (Some("mr.nii".into()), Some("roi.nii".into())));
         assert!(both.notes[2].contains("Not opened: seg.nii."), "{:?}", both.notes);
@@ -320,12 +320,12 @@ mod tests {
         for mask in [&bones, &organs, &soft] {
             let (with, region, notes) = look(&open, &[mask]);
             assert_eq!((with.as_ref(), region.as_ref()), (Some(&ct), Some(mask)));
-            assert!(notes.contains("values of a mask on the same grid"), "{notes}");
+            assert!(notes.contains("mask values on the same grid"), "{notes}");
         }
         for other in [&mr, &away] {
             let (with, region, notes) = look(&open, &[other]);
             assert_eq!((with.as_ref(), region), (Some(other), None));
-            assert!(notes.contains("in place of ct.nii"), "{notes}");
+            assert!(notes.contains("replaces ct.nii"), "{notes}");
         }
         // Several at once, in any order.
         let nothing = Files::default();
