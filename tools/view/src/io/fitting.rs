@@ -292,7 +292,7 @@ fn measure(
 ) -> Result<()> {
     let volume = &order.volume.volume;
     let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
-    let threshold = order.config.region_threshold;
+    let threshold = order.config.region.threshold;
     let found = problem.at_voxels(gpu, &Goal { psnr_db: None, p99_hu: None, range, threshold }, splats)?;
     tell.say(Report::Figures { psnr_db: found.psnr_db, rmse: found.rmse_hu });
     tell.say(Report::Measured { p99: found.p99_hu });
