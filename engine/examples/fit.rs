@@ -20,7 +20,10 @@ fn main() -> engine::Result<()> {
     let bone = Roi::from_threshold(&volume, 226.0, 3071.0)?;
 
     let gpu = Gpu::new(&GpuOptions::default())?;
-    let config = FitConfig { density: 0.05, iterations: 200, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.count.density = 0.05;
+        c.iterations = 200;
+    });
     let splats = fit::run(&gpu, &volume, &bone, &config, |progress| {
         eprintln!("iteration {}: {:.1} dB", progress.iteration, progress.psnr_db);
         ControlFlow::Continue(())

@@ -75,7 +75,7 @@ impl Case {
         let protocol = Protocol {
             offsets: vec![],
             range: scaling.range.into(),
-            shell: self.config.shell,
+            shell: self.config.loss.shell,
             threshold: 0.0,
         };
         let e = evaluate(gpu, &splats, &field, &self.volume, &self.roi, &protocol).expect("an evaluation");

@@ -75,7 +75,7 @@ fn native_evaluation(gpu: &Gpu, case: &Case, judged: &Roi) -> Evaluation {
         &set.field,
         &case.volume,
         judged,
-        &Protocol { offsets: vec![], range: [low, high], shell: case.config.shell, threshold: 0.0 },
+        &Protocol { offsets: vec![], range: [low, high], shell: case.config.loss.shell, threshold: 0.0 },
     )
     .expect("an evaluation")
 }
@@ -84,7 +84,7 @@ fn native_evaluation(gpu: &Gpu, case: &Case, judged: &Roi) -> Evaluation {
 fn a_phantom_fitted_on_a_working_grid_is_right_on_the_native_one() {
     let gpu = Device::boot();
     let mut case = Case::phantom([40, 36, 40], 100);
-    case.config.working_grid = 2;
+    case.config.samples.working_grid = 2;
     let e = native_evaluation(&gpu, &case, &case.roi);
     let loss = downsampling_loss(&case.volume, &case.roi, 2, &AREA, e.range);
     println!("{:.2} dB; means of 2³ voxels, back linearly: {:.2} dB", e.on_grid.psnr_db, loss.psnr_db);
@@ -113,7 +113,11 @@ fn a_ramp_fitted_on_a_working_grid_stays_the_ramp() {
     // At the border of the region the means of blocks do not reach the values of the outermost voxels.
     let (roi, judged) = (cube(4.0, 20.0), cube(8.0, 16.0));
     for factor in [2, 4] {
-        let config = FitConfig { working_grid: factor, splats: 400, iterations: 150, ..FitConfig::default() };
+        let config = FitConfig::default().with(|c| {
+            c.samples.working_grid = factor;
+            c.count.splats = 400;
+            c.iterations = 150;
+        });
         let case = Case { volume: volume.clone(), roi: roi.clone(), config };
         let e = native_evaluation(&gpu, &case, &judged);
         println!("factor {factor}: {:.3} HU", e.on_grid.rmse_hu);

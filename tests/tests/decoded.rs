@@ -289,7 +289,10 @@ fn all_voxels(field: &Decoded) -> Vec<reference::decoded::Voxel> {
 fn a_fit_for_a_binary_mask_shows_the_mask_and_so_do_its_parts() {
     let gpu = Device::boot();
     let phantom = Phantom::new([40, 36, 30], DVec3::new(1.0, 1.0, 1.5), 3);
-    let config = engine::fit::FitConfig { density: 0.05, iterations: 12, ..Default::default() };
+    let config = engine::fit::FitConfig::default().with(|c| {
+        c.count.density = 0.05;
+        c.iterations = 12;
+    });
     let (volume, roi) = (&phantom.volume(), &phantom.roi().expect("bone and vessels"));
     let whole =
         engine::fit::run(&gpu, volume, roi, &config, |_| std::ops::ControlFlow::Continue(())).expect("a fit");

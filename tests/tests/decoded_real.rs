@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::time::Instant;
 
-use engine::fit::{FitConfig, Profile};
+use engine::fit::Profile;
 use engine::image::{Image, psnr};
 use engine::render::{Camera, DecodeOptions, Look, Renderer, Scene, Settings, VolumeSource, mode};
 use engine::splat::{Form, Grid, SplatSet};
@@ -26,7 +26,10 @@ fn bones_are_as_near_to_the_ct_as_slabs_of_them() {
     let (volume, mask) = (read("ct.nii.gz"), read("mask_bones.nii.gz"));
     let roi = Roi::from_mask(&mask, &LabelChoice::Whole, &volume).expect("a region");
     let field = Profile::named("field").and_then(Profile::config).expect("the field's profile");
-    let config = FitConfig { iterations: ITERATIONS, density: 0.1, ..field };
+    let config = field.with(|c| {
+        c.iterations = ITERATIONS;
+        c.count.density = 0.1;
+    });
     let case = Case { volume, roi, config };
     let gpu = Device::boot();
     let mut fitter = case.fit(&gpu);

@@ -19,7 +19,7 @@ fn evaluation(gpu: &Gpu, case: &Case, fitter: &mut Fitter) -> Evaluation {
     let field = case.config.field(scaling.background);
     let range = [scaling.range.0, scaling.range.1];
     let protocol =
-        Protocol { offsets: random_offsets(2, 9), range, shell: case.config.shell, threshold: 0.0 };
+        Protocol { offsets: random_offsets(2, 9), range, shell: case.config.loss.shell, threshold: 0.0 };
     evaluate(gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation")
 }
 
@@ -33,7 +33,7 @@ fn a_phantom_gets_better_all_the_way() {
     for kernel in [Kernel::Compact, Kernel::Gaussian] {
         let mut case = Case::phantom(SIZE, 120);
         case.config.kernel = kernel;
-        case.config.form = FitForm::Field;
+        case.config.samples.form = FitForm::Field;
         let mut fitter = case.fitter(&gpu, &case.start());
         let mut before = (f64::NEG_INFINITY, f64::INFINITY);
         for end in [1, 8, 24, 60, 120] {
@@ -64,7 +64,7 @@ fn a_phantom_gets_better_all_the_way() {
             assert!((low..=high).contains(&s.intensity), "intensities stay in the range of the region");
             let length = s.rotation.iter().map(|v| v * v).sum::<f32>();
             assert!((length - 1.0).abs() < 1e-5, "rotations stay unit quaternions");
-            let (least, most) = (case.config.scale_min.ln() - 1e-6, case.config.scale_max.ln() + 1e-6);
+            let (least, most) = (case.config.scales.min.ln() - 1e-6, case.config.scales.max.ln() + 1e-6);
             assert!(s.log_scale.iter().all(|v| (least..=most).contains(v)), "scales stay in their range");
         }
     }
@@ -164,8 +164,19 @@ fn check_growth(gpu: &Gpu, case: &Case, splats: &[Splat], idle_at: [f32; 3]) {
 #[test]
 fn bins_that_grow_at_first_change_no_bit() {
     let gpu = Device::boot();
-    let config = FitConfig { splats: 60, init_scale: 6.0, init_scale_max: 8.0, ..FitConfig::default() };
-    let case = Case::ball(44, 18.0, FitConfig { iterations: 6, shell: 1, ..config });
+    let config = FitConfig::default().with(|c| {
+        c.count.splats = 60;
+        c.init.scale_factor = 6.0;
+        c.init.scale_max = 8.0;
+    });
+    let case = Case::ball(
+        44,
+        18.0,
+        config.with(|c| {
+            c.iterations = 6;
+            c.loss.shell = 1;
+        }),
+    );
     let splats = case.start();
     assert_eq!(splats.len(), 60);
     // The corner of the volume is no part of the ball.
@@ -181,7 +192,12 @@ fn bins_that_grow_for_one_offset_change_no_bit() {
     let seed = (0..1000)
         .find(|&seed| engine::fit::offsets(2, seed)[1].iter().all(|&o| (0.1..0.4).contains(&o)))
         .expect("a seed whose second offset points to the upper corner");
-    let config = FitConfig { iterations: 6, offsets: 2, occupancy_weight: 0.0, seed, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.iterations = 6;
+        c.samples.offsets = 2;
+        c.loss.occupancy_weight = 0.0;
+        c.seed = seed;
+    });
     // All of a cube but for a corner brick, where idle splats may lie.
     let mut case = Case::ball(40, 100.0, config);
     for i in 0..case.roi.weight.len() {
@@ -208,14 +224,15 @@ fn no_pass_holds_the_device_for_long_and_memory_is_accounted_for() {
     let gpu = Device::boot();
     // With everything on, so that every kernel runs.
     let mut case = Case::phantom(SIZE, 10);
-    case.config.subset = 100;
-    (case.config.mask_weight, case.config.leak_weight, case.config.target_hu) = (0.1, 0.1, 30.0);
+    case.config.subset.size = 100;
+    (case.config.loss.mask_weight, case.config.loss.leak_weight, case.config.count.target_hu) =
+        (0.1, 0.1, 30.0);
     let _ = gpu.take_profile();
     for other in ["mse", "kl"] {
-        case.config.mask_loss = other.to_owned();
+        case.config.loss.mask = other.to_owned();
         case.fit(&gpu).finish().expect("the device");
     }
-    case.config.mask_loss = "dice".to_owned();
+    case.config.loss.mask = "dice".to_owned();
     let mut fitter = case.fit(&gpu);
     fitter.finish().expect("the device");
     let profile = gpu.take_profile();
@@ -247,7 +264,10 @@ fn no_pass_holds_the_device_for_long_and_memory_is_accounted_for() {
 #[test]
 fn a_moved_region_gives_moved_splats() {
     let gpu = Device::boot();
-    let config = FitConfig { iterations: 8, splats: 150, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.iterations = 8;
+        c.count.splats = 150;
+    });
     let case = Case::ball(20, 7.0, config);
     // The margin is larger than the shell, so that the shell is cut off nowhere.
     let embed = |shift: [usize; 3]| {
@@ -262,7 +282,7 @@ fn a_moved_region_gives_moved_splats() {
         };
         let volume = Volume::new(size, DAffine3::IDENTITY, volume_of(&case.volume.samples));
         let roi = Roi::new(volume_of(&case.roi.weight), &volume).expect("a region");
-        Case { volume, roi, config: FitConfig { hu_range: [-300.0, 300.0], ..case.config.clone() } }
+        Case { volume, roi, config: case.config.clone().with(|c| c.region.hu_range = [-300.0, 300.0]) }
     };
     let fitted = |shift: [usize; 3]| {
         let case = embed(shift);
@@ -324,7 +344,11 @@ fn small_regions_and_thin_volumes() {
         region.iter().for_each(|&i| weight[i] = 1.0);
         let roi = Roi::new(weight, &volume).expect("a region");
         // A rim would outweigh regions of one voxel.
-        let config = FitConfig { iterations: 30, density: 0.3, rim_weight: 0.0, ..FitConfig::default() };
+        let config = FitConfig::default().with(|c| {
+            c.iterations = 30;
+            c.count.density = 0.3;
+            c.loss.rim_weight = 0.0;
+        });
         let case = Case { volume, roi, config };
         let mut fitter = case.fitter(&gpu, &case.start());
         let start = evaluation(&gpu, &case, &mut fitter);
@@ -373,8 +397,12 @@ fn a_splat_that_is_not_a_number_is_contained() {
 fn progress_and_evaluation_agree() {
     let gpu = Device::boot();
     // Of a fit for the field: that for the grid has a rim and a tolerance, which its running figures heed as well.
-    let config =
-        FitConfig { iterations: 9, form: FitForm::Field, offsets: 1, shell: 3, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.iterations = 9;
+        c.samples.form = FitForm::Field;
+        c.samples.offsets = 1;
+        c.loss.shell = 3;
+    });
     let case = Case::ball(22, 8.0, config);
     let mut fitter = case.fitter(&gpu, &case.start());
     case.run(&mut fitter, 8);
@@ -396,12 +424,12 @@ fn progress_and_evaluation_agree() {
 #[test]
 fn a_fit_for_the_grid_holds_the_rim() {
     let gpu = Device::boot();
-    let usual = FitConfig::default().hold_weight;
+    let usual = FitConfig::default().loss.hold_weight;
     let forms = [(FitForm::Field, usual), (FitForm::Grid, 0.0), (FitForm::Grid, usual)];
     let [field, free, grid] = forms.map(|(form, hold_weight)| {
         let mut case = Case::phantom(SIZE, 120);
-        case.config.form = form;
-        case.config.hold_weight = hold_weight;
+        case.config.samples.form = form;
+        case.config.loss.hold_weight = hold_weight;
         let mut fitter = case.fit(&gpu);
         let splats = fitter.splats().expect("splats");
         let bricks = Bricks::around(&case.roi, 1);
@@ -445,14 +473,13 @@ fn a_fit_for_the_grid_holds_the_rim() {
 #[test]
 fn opacities_that_are_sampled_are_the_mask_s() {
     let gpu = Device::boot();
-    let config = FitConfig {
-        iterations: 3,
-        splats: 60,
-        learn_opacity: false,
-        sample_every: 0,
-        logit_max: 13.8,
-        ..FitConfig::default()
-    };
+    let config = FitConfig::default().with(|c| {
+        c.iterations = 3;
+        c.count.splats = 60;
+        c.rates.learn_opacity = false;
+        c.rates.sample_every = 0;
+        c.logit_max = 13.8;
+    });
     let case = Case::ball(18, 6.0, config);
     let splats = case.fit(&gpu).splats().expect("splats");
     let mut partly = 0;

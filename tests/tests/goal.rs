@@ -26,9 +26,9 @@ fn a_fit_reaches_its_goal_with_splats_in_proportion() {
             let span = 4095.0;
             let hu = span * 10f32.powf(-target / 20.0) * 3.3;
             let config = if by_hu {
-                FitConfig { target_hu: hu, ..FitConfig::default() }
+                FitConfig::default().with(|c| c.count.target_hu = hu)
             } else {
-                FitConfig { target_psnr: target, ..FitConfig::default() }
+                FitConfig::default().with(|c| c.count.target_psnr = target)
             };
             let case = case(config);
             let set = fit::run(&gpu, &case.volume, &case.roi, &case.config, |_| ControlFlow::Continue(()))
@@ -55,7 +55,10 @@ fn a_fit_reaches_its_goal_with_splats_in_proportion() {
 #[test]
 fn a_goal_out_of_reach_takes_the_most_splats_there_may_be() {
     let gpu = Device::boot();
-    let config = FitConfig { target_psnr: 200.0, max_splats: 150, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.count.target_psnr = 200.0;
+        c.count.max = 150;
+    });
     let case = case(config);
     let set = fit::run(&gpu, &case.volume, &case.roi, &case.config, |_| ControlFlow::Continue(()))
         .expect("a fit that has missed its goal is a fit");
@@ -65,7 +68,7 @@ fn a_goal_out_of_reach_takes_the_most_splats_there_may_be() {
 #[test]
 fn trials_have_the_same_answer_twice_and_end_when_they_are_told_to() {
     let gpu = Device::boot();
-    let case = case(FitConfig { target_psnr: 33.0, ..FitConfig::default() });
+    let case = case(FitConfig::default().with(|c| c.count.target_psnr = 33.0));
     let problem = Problem::new(&case.volume, &case.roi, &case.config).expect("a problem");
     let goal = goal_of(&case);
     let count = |going: &mut Going<'_>| {
@@ -93,7 +96,10 @@ fn a_fit_that_aims_at_nearly_all_voxels_spares_few() {
     let gpu = Device::boot();
     let goal = Goal { psnr_db: Some(0.0), p99_hu: None, range: [-1024.0, 3071.0], threshold: 0.0 };
     let p99 = |target_hu: f32| {
-        let case = case(FitConfig { target_hu, splats: 200, ..FitConfig::default() });
+        let case = case(FitConfig::default().with(|c| {
+            c.count.target_hu = target_hu;
+            c.count.splats = 200;
+        }));
         let splats = case.fit(&gpu).splats().expect("splats");
         let problem = Problem::new(&case.volume, &case.roi, &case.config).expect("a problem");
         problem.at_voxels(&gpu, &goal, &splats).expect("figures").p99_hu
@@ -105,7 +111,7 @@ fn a_fit_that_aims_at_nearly_all_voxels_spares_few() {
 #[test]
 fn a_number_is_changed_in_both_directions() {
     let gpu = Device::boot();
-    let case = case(FitConfig { splats: 300, ..FitConfig::default() });
+    let case = case(FitConfig::default().with(|c| c.count.splats = 300));
     let splats = case.fit(&gpu).splats().expect("splats");
     let problem = Problem::new(&case.volume, &case.roi, &case.config).expect("a problem");
     let with = |count| problem.with_count(&gpu, &splats, count, &mut to_the_end).expect("splats");
@@ -126,15 +132,15 @@ fn a_number_is_changed_in_both_directions() {
 
 #[test]
 fn what_does_not_go_with_a_goal_is_refused() {
-    for config in [
-        FitConfig { working_grid: 2, ..FitConfig::default() },
-        FitConfig { topology: "densify".into(), ..FitConfig::default() },
-        FitConfig { rate_mean: 1e-4, ..FitConfig::default() },
-        FitConfig { target_hu: f32::NAN, ..FitConfig::default() },
-        FitConfig { target_psnr: -1.0, ..FitConfig::default() },
-    ] {
-        let config =
-            FitConfig { target_hu: if config.target_hu == 0.0 { 10.0 } else { config.target_hu }, ..config };
+    let changes: [fn(&mut FitConfig); 5] = [
+        |c| c.samples.working_grid = 2,
+        |c| c.topology.name = "densify".into(),
+        |c| c.rates.mean = 1e-4,
+        |c| c.count.target_hu = f32::NAN,
+        |c| c.count.target_psnr = -1.0,
+    ];
+    for change in changes {
+        let config = FitConfig::default().with(|c| c.count.target_hu = 10.0).with(change);
         assert!(config.check().is_err_and(|e| e.code == "VGS-CFG-001"), "{config:?}");
     }
 }

@@ -29,7 +29,7 @@ fn the_field_of_the_phantom_is_fitted_as_it_was() {
 fn as_it_was(name: &str, form: FitForm) {
     let gpu = Device::boot();
     let mut case = Case::phantom([40, 36, 40], 60);
-    case.config.form = form;
+    case.config.samples.form = form;
     let start = case.start();
     let mut fitter = case.fitter(&gpu, &start);
     let mut curve = Vec::new();
@@ -41,10 +41,10 @@ fn as_it_was(name: &str, form: FitForm) {
     let field = case.config.field(fitter.scaling().background);
     let range = [fitter.scaling().range.0, fitter.scaling().range.1];
     let protocol =
-        Protocol { offsets: random_offsets(2, 1), range, shell: case.config.shell, threshold: 0.0 };
+        Protocol { offsets: random_offsets(2, 1), range, shell: case.config.loss.shell, threshold: 0.0 };
     let e = evaluate(&gpu, &splats, &field, &case.volume, &case.roi, &protocol).expect("an evaluation");
 
-    let bricks = Bricks::around(&case.roi, case.config.shell);
+    let bricks = Bricks::around(&case.roi, case.config.loss.shell);
     let samples = Sampler::new(&gpu, &splats, &field, &bricks)
         .and_then(|mut sampler| sampler.sample([0.0; 3]))
         .expect("samples");

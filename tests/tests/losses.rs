@@ -88,15 +88,14 @@ const SIZE: [usize; 3] = [40, 36, 40];
 /// A phantom on its grid, where the mask is binary, with the weights of MSE, mask, leak and occupancy.
 fn case(iterations: u32, [mse, mask, leak, occupancy]: [f32; 4]) -> Case {
     let mut case = Case::phantom(SIZE, iterations);
-    case.config = FitConfig {
-        mse_weight: mse,
-        mask_weight: mask,
-        leak_weight: leak,
-        occupancy_weight: occupancy,
-        form: FitForm::Field,
-        offsets: 1,
-        ..case.config
-    };
+    case.config = case.config.with(|c| {
+        c.loss.mse_weight = mse;
+        c.loss.mask_weight = mask;
+        c.loss.leak_weight = leak;
+        c.loss.occupancy_weight = occupancy;
+        c.samples.form = FitForm::Field;
+        c.samples.offsets = 1;
+    });
     case
 }
 
@@ -170,16 +169,15 @@ fn nothing_outside_means_no_leak() {
     let volume =
         Volume::new([9, 8, 10], DAffine3::IDENTITY, (0..720).map(|i| (i * 37 % 101) as f32).collect());
     let roi = Roi::new(vec![1.0; 720], &volume).expect("a region");
-    let config = FitConfig {
-        iterations: 6,
-        offsets: 1,
-        shell: 0,
-        mask_weight: 1.0,
-        leak_weight: 1.0,
-        hold_weight: 0.0,
-        rim_weight: 0.0,
-        ..FitConfig::default()
-    };
+    let config = FitConfig::default().with(|c| {
+        c.iterations = 6;
+        c.samples.offsets = 1;
+        c.loss.shell = 0;
+        c.loss.mask_weight = 1.0;
+        c.loss.leak_weight = 1.0;
+        c.loss.hold_weight = 0.0;
+        c.loss.rim_weight = 0.0;
+    });
     let (splats, progress) = progress(&Case { volume, roi, config }, &gpu);
     assert_eq!(progress.leak, Some(0.0));
     assert!(progress.dice.is_some_and(|d| d < 0.5) && progress.mse.is_finite());

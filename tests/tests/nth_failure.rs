@@ -24,7 +24,11 @@ const EVERY: &str = "VGS_EVERY_FAILURE";
 const NEVER: u64 = u64::MAX;
 
 fn fit() -> impl Fn(&Gpu) -> Result<Vec<u8>> {
-    let config = FitConfig { density: 0.1, iterations: 3, subset: 16, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.count.density = 0.1;
+        c.iterations = 3;
+        c.subset.size = 16;
+    });
     let case = Case::ball(12, 4.0, config);
     move |gpu| {
         let set = fit::run(gpu, &case.volume, &case.roi, &case.config, |_| ControlFlow::Continue(()))?;

@@ -63,52 +63,51 @@ fn ways(profile: &Profile) -> Vec<(String, FitConfig, bool)> {
                         if !(tried + tried / KERNELS.len() + place).is_multiple_of(3) {
                             continue;
                         }
-                        let config = FitConfig {
-                            iterations: 5,
-                            splats: SPLATS,
-                            topology: topology.name.to_owned(),
-                            topology_from: 2,
-                            topology_every: 2,
-                            topology_share: 0.3,
-                            topology_limit: 2.0,
-                            working_grid,
-                            subset,
-                            subset_alone,
-                            storage,
-                            kernel: kernel.kernel,
-                            initialiser: INITIALISERS[turn % INITIALISERS.len()].name.to_owned(),
-                            init_orientation: ORIENTATIONS[turn / 3 % ORIENTATIONS.len()].name.to_owned(),
-                            init_footprint: [0.0, 1.0][turn / 5 % 2],
-                            scale_unit: [ScaleUnit::Voxel, ScaleUnit::Spacing, ScaleUnit::Box][turn / 7 % 3],
-                            background: [Background::Mean, Background::Low][turn / 11 % 2],
-                            learn_intensity: turn / 13 % 2 == 0,
-                            clamp_intensity: turn / 17 % 2 == 0,
-                            learn_opacity: turn / 3 % 2 == 0,
-                            init_opacity_mask: turn / 5 % 3 == 0,
-                            sample_every: [3, 0][turn / 21 % 2],
-                            subset_dense: turn / 2 % 3 == 0,
-                            range: [IntensityRange::Auto, IntensityRange::Roi][turn / 4 % 2],
-                            region_threshold: [0.0, 0.01, 0.3][turn / 6 % 3],
-                            mask_loss: MASK_LOSSES[turn / 8 % MASK_LOSSES.len()].name.to_owned(),
-                            intensity_loss: INTENSITY_LOSSES[turn / 9 % INTENSITY_LOSSES.len()]
-                                .name
-                                .to_owned(),
-                            dice_smoothing: [0.0, 1.0][turn / 10 % 2],
-                            leak_power: 1 + turn as u32 / 3 % 2,
-                            leak_volume: turn / 12 % 2 == 0,
-                            scale_weight: [0.0, 0.01][turn / 14 % 2],
-                            scale_growth: [0.0, 1.5][turn / 15 % 2],
-                            mask_weight: [0.0, 1.0][turn / 19 % 2],
-                            leak_weight: [0.0, 0.1][turn / 23 % 2],
-                            occupancy_weight: [0.004, 0.0][turn / 29 % 2],
-                            shell_beyond: turn / 31 % 2 == 0,
-                            form: [FitForm::Field, FitForm::Grid][turn / 18 % 2],
-                            rim_weight: [0.0, 0.1][turn / 7 % 2],
-                            occupancy_tolerance: [0.4, 0.0, 0.49][turn / 11 % 3],
-                            offsets: 1 + 2 * (turn / 2 % 2),
-                            seed: turn as u64,
-                            ..start.clone()
-                        };
+                        let config = start.clone().with(|c| {
+                            c.iterations = 5;
+                            c.count.splats = SPLATS;
+                            c.topology.name = topology.name.to_owned();
+                            c.topology.from = 2;
+                            c.topology.every = 2;
+                            c.topology.share = 0.3;
+                            c.topology.limit = 2.0;
+                            c.samples.working_grid = working_grid;
+                            c.subset.size = subset;
+                            c.subset.alone = subset_alone;
+                            c.storage = storage;
+                            c.kernel = kernel.kernel;
+                            c.init.initialiser = INITIALISERS[turn % INITIALISERS.len()].name.to_owned();
+                            c.init.orientation = ORIENTATIONS[turn / 3 % ORIENTATIONS.len()].name.to_owned();
+                            c.init.footprint = [0.0, 1.0][turn / 5 % 2];
+                            c.init.unit =
+                                [ScaleUnit::Voxel, ScaleUnit::Spacing, ScaleUnit::Box][turn / 7 % 3];
+                            c.region.background = [Background::Mean, Background::Low][turn / 11 % 2];
+                            c.rates.learn_intensity = turn / 13 % 2 == 0;
+                            c.rates.clamp_intensity = turn / 17 % 2 == 0;
+                            c.rates.learn_opacity = turn / 3 % 2 == 0;
+                            c.init.opacity_mask = turn / 5 % 3 == 0;
+                            c.rates.sample_every = [3, 0][turn / 21 % 2];
+                            c.subset.dense = turn / 2 % 3 == 0;
+                            c.region.range = [IntensityRange::Auto, IntensityRange::Roi][turn / 4 % 2];
+                            c.region.threshold = [0.0, 0.01, 0.3][turn / 6 % 3];
+                            c.loss.mask = MASK_LOSSES[turn / 8 % MASK_LOSSES.len()].name.to_owned();
+                            c.loss.intensity =
+                                INTENSITY_LOSSES[turn / 9 % INTENSITY_LOSSES.len()].name.to_owned();
+                            c.loss.dice_smoothing = [0.0, 1.0][turn / 10 % 2];
+                            c.loss.leak_power = 1 + turn as u32 / 3 % 2;
+                            c.loss.leak_volume = turn / 12 % 2 == 0;
+                            c.loss.scale_weight = [0.0, 0.01][turn / 14 % 2];
+                            c.scales.growth = [0.0, 1.5][turn / 15 % 2];
+                            c.loss.mask_weight = [0.0, 1.0][turn / 19 % 2];
+                            c.loss.leak_weight = [0.0, 0.1][turn / 23 % 2];
+                            c.loss.occupancy_weight = [0.004, 0.0][turn / 29 % 2];
+                            c.loss.shell_beyond = turn / 31 % 2 == 0;
+                            c.samples.form = [FitForm::Field, FitForm::Grid][turn / 18 % 2];
+                            c.loss.rim_weight = [0.0, 0.1][turn / 7 % 2];
+                            c.loss.occupancy_tolerance = [0.4, 0.0, 0.49][turn / 11 % 3];
+                            c.samples.offsets = 1 + 2 * (turn / 2 % 2);
+                            c.seed = turn as u64;
+                        });
                         let name = format!(
                             "--profile {} --topology {} --working-grid {working_grid} --subset {subset} \
                              --subset-alone {subset_alone} --storage {storage:?} --kernel {} (turn {turn})",
@@ -131,7 +130,7 @@ fn every_way_fits(profile: &str) {
     let count = ways.len();
     for (name, config, soft) in ways {
         let (volume, roi) = &regions[usize::from(soft)];
-        let (volume, roi) = match config.working_grid {
+        let (volume, roi) = match config.samples.working_grid {
             1 => (volume.clone(), roi.clone()),
             f => (volume.coarsened(f as usize), roi.coarsened(f as usize)),
         };

@@ -83,7 +83,7 @@ fn a_packed_fit_shows_the_same_field() {
     let gpu = Device::boot();
     for (form, least_hu) in [(FitForm::Grid, 61.0), (FitForm::Field, 66.0)] {
         let mut case = Case::phantom([40, 36, 40], 60);
-        case.config.form = form;
+        case.config.samples.form = form;
         let [hu, occupancy] = of_fit(&gpu, &case);
         println!("{form:?}: {hu:.2} dB, occupancy {occupancy:.2} dB");
         assert!(hu > least_hu && occupancy > 58.0, "{form:?}: {hu} dB, {occupancy} dB");
@@ -103,7 +103,10 @@ fn a_packed_fit_of_a_ct_shows_the_same_field() {
         |name: &str| Volume::read(folder.join(name), &engine::volume::ReadOptions::default()).expect(name);
     let (volume, mask) = (read("ct.nii.gz"), read("mask_ts.nii.gz"));
     let roi = Roi::from_mask(&mask, &LabelChoice::Whole, &volume).expect("a region");
-    let config = FitConfig { iterations: 40, density: 0.05, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.iterations = 40;
+        c.count.density = 0.05;
+    });
     let case = Case { volume, roi, config };
     let [hu, occupancy] = of_fit(&gpu, &case);
     println!("{hu:.2} dB, occupancy {occupancy:.2} dB");

@@ -10,9 +10,13 @@ fn every_profile_fits_a_phantom() {
     for Profile { name, .. } in PROFILES {
         let mut case = Case::phantom([28, 26, 30], 24);
         let config = Profile::named(name).and_then(Profile::config).expect(name);
-        case.config = engine::fit::FitConfig { iterations: 24, splats: 150, topology_every: 8, ..config };
-        if case.config.topology != "none" {
-            case.config.topology_from = 8;
+        case.config = config.with(|c| {
+            c.iterations = 24;
+            c.count.splats = 150;
+            c.topology.every = 8;
+        });
+        if case.config.topology.name != "none" {
+            case.config.topology.from = 8;
         }
         let mut fitter = case.fitter(&gpu, &case.start());
         case.run(&mut fitter, 1);
@@ -22,7 +26,7 @@ fn every_profile_fits_a_phantom() {
         let count = fitter.splats().expect("splats").len();
         println!("{name}: {:.2} to {:.2} dB, {count} splats", first.psnr_db, last.psnr_db);
         assert!(last.psnr_db > first.psnr_db, "{name}: {} after {}", last.psnr_db, first.psnr_db);
-        let most = (150.0 * f64::from(case.config.topology_limit)) as usize;
+        let most = (150.0 * f64::from(case.config.topology.limit)) as usize;
         assert!((150..=most).contains(&count), "{name}: {count} splats");
         assert_eq!(fitter.frozen().expect("a count"), 0, "{name}");
     }

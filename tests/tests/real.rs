@@ -33,7 +33,7 @@ fn figures(gpu: &Device, case: &Case, fitter: &mut Fitter) -> (f64, f64, f64) {
         &field,
         &case.volume,
         &case.roi,
-        &Protocol { offsets: random_offsets(2, 3), range, shell: case.config.shell, threshold: 0.0 },
+        &Protocol { offsets: random_offsets(2, 3), range, shell: case.config.loss.shell, threshold: 0.0 },
     )
     .expect("an evaluation");
     (e.on_grid.psnr_db, e.mean_psnr_db(), e.occupancy_rmse())
@@ -41,14 +41,13 @@ fn figures(gpu: &Device, case: &Case, fitter: &mut Fitter) -> (f64, f64, f64) {
 
 #[test]
 fn fifty_steps_on_the_grid() {
-    let config = FitConfig {
-        iterations: 50,
-        density: 0.05,
-        form: FitForm::Field,
-        offsets: 1,
-        occupancy_weight: 0.0,
-        ..FitConfig::default()
-    };
+    let config = FitConfig::default().with(|c| {
+        c.iterations = 50;
+        c.count.density = 0.05;
+        c.samples.form = FitForm::Field;
+        c.samples.offsets = 1;
+        c.loss.occupancy_weight = 0.0;
+    });
     let Some(case) = case(config) else { return };
     let gpu = Device::boot();
     assert_eq!(case.roi.voxel_count(), 110_225);
@@ -62,7 +61,10 @@ fn fifty_steps_on_the_grid() {
 
 #[test]
 fn fifty_steps_of_the_default() {
-    let Some(case) = case(FitConfig { iterations: 50, density: 0.05, ..FitConfig::default() }) else {
+    let Some(case) = case(FitConfig::default().with(|c| {
+        c.iterations = 50;
+        c.count.density = 0.05;
+    })) else {
         return;
     };
     let gpu = Device::boot();
@@ -76,7 +78,10 @@ fn fifty_steps_of_the_default() {
 #[test]
 fn fifty_steps_of_the_field() {
     let profile = Profile::named("field").and_then(Profile::config).expect("the field's profile");
-    let Some(case) = case(FitConfig { iterations: 50, density: 0.05, ..profile }) else {
+    let Some(case) = case(profile.with(|c| {
+        c.iterations = 50;
+        c.count.density = 0.05;
+    })) else {
         return;
     };
     let gpu = Device::boot();
@@ -96,7 +101,11 @@ fn fifty_steps_of_the_field() {
 #[test]
 fn sixty_steps_of_the_paper() {
     let profile = Profile::named("paper").and_then(Profile::config).expect("the paper's profile");
-    let config = FitConfig { iterations: 60, density: 0.02, topology: "none".into(), ..profile };
+    let config = profile.with(|c| {
+        c.iterations = 60;
+        c.count.density = 0.02;
+        c.topology.name = "none".into();
+    });
     let Some(case) = case(config) else { return };
     let gpu = Device::boot();
     let mut fitter = case.fitter(&gpu, &case.start());

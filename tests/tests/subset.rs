@@ -9,7 +9,7 @@ const SIZE: [usize; 3] = [28, 26, 30];
 
 fn case(iterations: u32) -> Case {
     let mut case = Case::phantom(SIZE, iterations);
-    case.config.splats = 200;
+    case.config.count.splats = 200;
     case
 }
 
@@ -22,7 +22,7 @@ fn a_subset_of_all_is_a_full_batch() {
     let gpu = Device::boot();
     let mut case = case(12);
     let full = case.fit(&gpu).splats().expect("splats");
-    case.config.subset = 200;
+    case.config.subset.size = 200;
     assert!(case.fit(&gpu).splats().expect("splats") == full);
 }
 
@@ -32,8 +32,8 @@ fn an_epoch_moves_every_splat_once() {
     for alone in [true, false] {
         let mut case = case(8);
         // Four blocks of 50.
-        case.config.subset = 60;
-        case.config.subset_alone = alone;
+        case.config.subset.size = 60;
+        case.config.subset.alone = alone;
         let mut fitter = case.fitter(&gpu, &case.start());
         let first = fitter.splats().expect("splats");
         let mut before = first.clone();
@@ -59,7 +59,7 @@ fn an_epoch_moves_every_splat_once() {
 fn blocks_that_do_not_divide_the_splats_reach_them_all() {
     let gpu = Device::boot();
     let mut case = case(3);
-    case.config.subset = 67;
+    case.config.subset.size = 67;
     let mut fitter = case.fitter(&gpu, &case.start());
     let first = fitter.splats().expect("splats");
     case.run(&mut fitter, 3);
@@ -71,10 +71,10 @@ fn the_figures_of_a_subset_are_those_of_all_splats() {
     let gpu = Device::boot();
     for alone in [true, false] {
         let mut case = case(40);
-        case.config.subset = 50;
-        case.config.subset_alone = alone;
-        case.config.rim_weight = 0.0; // which the figures on the way have, and those of the region do not
-        case.config.rate_decay = 1e-6; // the last steps move next to nothing
+        case.config.subset.size = 50;
+        case.config.subset.alone = alone;
+        case.config.loss.rim_weight = 0.0; // which the figures on the way have, and those of the region do not
+        case.config.rates.decay = 1e-6; // the last steps move next to nothing
         let mut fitter = case.fit(&gpu);
         let on_grid = case.on_grid_db(&gpu, &mut fitter);
         let progress = fitter.progress().expect("progress");
@@ -89,16 +89,16 @@ fn the_figures_of_a_subset_are_those_of_all_splats() {
 fn a_subset_learns_in_the_field_of_all_splats() {
     let gpu = Device::boot();
     let mut case = case(60);
-    case.config.subset = 50;
+    case.config.subset.size = 50;
     let db = |case: &Case| {
         let mut fitter = case.fitter(&gpu, &case.start());
         let start = case.on_grid_db(&gpu, &mut fitter);
         case.run(&mut fitter, 60);
         case.on_grid_db(&gpu, &mut fitter) - start
     };
-    case.config.subset_alone = false;
+    case.config.subset.alone = false;
     let with_all = db(&case);
-    case.config.subset_alone = true;
+    case.config.subset.alone = true;
     let alone = db(&case);
     println!("gained in 60 iterations: {with_all:.2} dB with all splats, {alone:.2} dB alone");
     assert!(with_all > 1.0, "{with_all}");
@@ -109,8 +109,8 @@ fn a_subset_learns_in_the_field_of_all_splats() {
 fn sampled_intensities_are_those_of_the_volume() {
     let gpu = Device::boot();
     let mut case = case(25);
-    case.config.learn_intensity = false;
-    case.config.topology_every = 10;
+    case.config.rates.learn_intensity = false;
+    case.config.topology.every = 10;
     let mut fitter = case.fit(&gpu);
     let (low, high) = fitter.scaling().intensity_range;
     for s in fitter.splats().expect("splats") {
@@ -148,14 +148,14 @@ fn interrupted(case: &Case, stops: &[u32]) -> Vec<Splat> {
 fn a_fit_that_stopped_goes_on_to_the_same_bits() {
     let gpu = Device::boot();
     let mut rows = vec![case(24), case(24), case(24)];
-    rows[1].config.subset = 60;
-    rows[2].config.subset = 60;
-    rows[2].config.subset_alone = false;
-    rows[2].config.learn_intensity = false;
-    rows[2].config.topology_every = 5;
+    rows[1].config.subset.size = 60;
+    rows[2].config.subset.size = 60;
+    rows[2].config.subset.alone = false;
+    rows[2].config.rates.learn_intensity = false;
+    rows[2].config.topology.every = 5;
     for case in rows {
         let whole = case.fit(&gpu).splats().expect("splats");
-        let what = format!("subset {}, alone {}", case.config.subset, case.config.subset_alone);
+        let what = format!("subset {}, alone {}", case.config.subset.size, case.config.subset.alone);
         assert!(interrupted(&case, &[1]) == whole, "{what}: stopped after 1");
         assert!(interrupted(&case, &[10, 15, 23]) == whole, "{what}: stopped three times");
     }

@@ -12,14 +12,14 @@ const LIMIT: usize = 180;
 fn case(topology: &str) -> Case {
     let mut case = Case::phantom([28, 26, 30], 64);
     let config = &mut case.config;
-    (config.form, config.offsets) = (FitForm::Field, 1); // what the changes look at is what is fitted
-    config.splats = FIRST;
-    config.topology = topology.to_owned();
-    config.topology_from = 4;
-    config.topology_until = 30;
-    config.topology_every = 4;
-    config.topology_share = 0.1;
-    config.topology_limit = 1.5;
+    (config.samples.form, config.samples.offsets) = (FitForm::Field, 1); // what the changes look at is what is fitted
+    config.count.splats = FIRST;
+    config.topology.name = topology.to_owned();
+    config.topology.from = 4;
+    config.topology.until = 30;
+    config.topology.every = 4;
+    config.topology.share = 0.1;
+    config.topology.limit = 1.5;
     case
 }
 

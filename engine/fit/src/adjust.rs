@@ -1,10 +1,10 @@
 //! A fit brought to another number of splats: some are added where the error is largest, or the least important
 //! go, and all are fitted again.
 
+use super::Fitter;
 use super::going::{Going, iterate};
 use super::rounding::config_after;
 use super::run::Problem;
-use super::{FitConfig, Fitter};
 use base::error::Result;
 use gpu::Gpu;
 use splat::{Splat, by_importance};
@@ -39,16 +39,15 @@ impl Problem<'_> {
         // The order of the file stays.
         kept.sort_unstable();
         let kept: Vec<Splat> = kept.into_iter().map(|i| splats[i as usize]).collect();
-        let config = FitConfig {
-            iterations: ITERATIONS,
-            topology: "growth".to_owned(),
-            topology_from: 1,
-            topology_until: 1,
-            topology_every: 1,
-            topology_share: 1.0,
-            topology_limit: (count as f64 / kept.len().max(1) as f64).max(1.0) as f32,
-            ..config_after(self.config(), &[], &kept)
-        };
+        let config = config_after(self.config(), &[], &kept).with(|c| {
+            c.iterations = ITERATIONS;
+            c.topology.name = "growth".to_owned();
+            c.topology.from = 1;
+            c.topology.until = 1;
+            c.topology.every = 1;
+            c.topology.share = 1.0;
+            c.topology.limit = (count as f64 / kept.len().max(1) as f64).max(1.0) as f32;
+        });
         let mut fitter = Fitter::new(gpu, self.volume(), self.roi(), &kept, &config)?;
         iterate(&mut fitter, ITERATIONS, going)?;
         fitter.splats()
@@ -71,7 +70,7 @@ impl Problem<'_> {
     ) -> Result<Vec<Splat>> {
         let mut splats = splats;
         let most = self.config().most_splats(self.native_voxels());
-        for round in 0..self.config().target_rounds.min(MOST_ROUNDS) {
+        for round in 0..self.config().count.target_rounds.min(MOST_ROUNDS) {
             let missed_db = -surplus(&splats)?;
             let least = 1.0 + LEAST_ADDED * 2f64.powi(round as i32);
             let times = (missed_db / SLOPE).exp2().clamp(least, MOST_TIMES);

@@ -94,17 +94,16 @@ impl Problem<'_> {
         let usual = self.config();
         let short = usual.iterations > ITERATIONS;
         let (low, high) = self.scaling().range;
-        FitConfig {
-            iterations: usual.iterations.min(ITERATIONS),
-            occupancy_weight: if short { OCCUPANCY } else { 1.0 } * usual.occupancy_weight,
-            density,
-            splats: 0,
-            subset: 0,
+        usual.clone().with(|c| {
+            c.iterations = usual.iterations.min(ITERATIONS);
+            c.loss.occupancy_weight = if short { OCCUPANCY } else { 1.0 } * usual.loss.occupancy_weight;
+            c.count.density = density;
+            c.count.splats = 0;
+            c.subset.size = 0;
             // Nothing is known of what lies beyond a part, so it ends where its samples end.
-            shell_beyond: false,
-            hu_range: [low, high],
-            ..usual.clone()
-        }
+            c.loss.shell_beyond = false;
+            c.region.hu_range = [low, high];
+        })
     }
 
     /// Returns what a trial at this density still lacks, dB.

@@ -135,7 +135,7 @@ impl<'a> Fitter<'a> {
     /// Returns the history of a splat that is new to the fit: no gradient yet, and the cap of its log scales.
     pub(super) fn history(&self, splat: &Splat) -> History {
         let largest = splat.log_scale.into_iter().fold(f32::NEG_INFINITY, f32::max);
-        let log_scale_cap = match self.config.scale_growth {
+        let log_scale_cap = match self.config.scales.growth {
             0.0 => adam::NO_CAP,
             growth => largest + growth.ln(),
         };
@@ -171,10 +171,10 @@ impl<'a> Fitter<'a> {
         if count == 0 {
             return Err(Error::new(Kind::NothingToDo, "VGS-FIT-002", "no splats to fit"));
         }
-        let around = if config.shell_beyond { Bricks::around_and_beyond } else { Bricks::around };
+        let around = if config.loss.shell_beyond { Bricks::around_and_beyond } else { Bricks::around };
         let bricks = Arc::new(around(roi, terms::shell(config, roi)));
         let scaling = Scaling::new(volume, roi, config);
-        let stretch = config.scale_unit.stretch(volume);
+        let stretch = config.init.unit.stretch(volume);
         let work = Work::new(gpu, &bricks, count, config, stretch.as_vec3().to_array())?;
         let grid = &work.rasterizer.grid;
         let offsets = offsets(config.offset_count(), config.seed);
@@ -205,7 +205,10 @@ impl<'a> Fitter<'a> {
             volume,
             roi,
             adam: Adam::new(gpu)?,
-            config: FitConfig { scale_min, scale_max, ..config.clone() },
+            config: config.clone().with(|c| {
+                c.scales.min = scale_min;
+                c.scales.max = scale_max;
+            }),
             scaling,
             bricks,
             stretch,
@@ -242,7 +245,7 @@ impl<'a> Fitter<'a> {
 
     /// Returns the index of the offset that iteration `turn` samples at.
     fn offset_index(&self, turn: u32) -> usize {
-        if self.config.grid_every > 0 && turn.is_multiple_of(self.config.grid_every) {
+        if self.config.samples.grid_every > 0 && turn.is_multiple_of(self.config.samples.grid_every) {
             0
         } else {
             turn as usize % self.offsets.len()
@@ -257,7 +260,7 @@ impl<'a> Fitter<'a> {
         let index = self.offset_index(turn);
         let offset = self.offsets[index];
         let params = self.adam_params(turn, share);
-        let alone = self.config.subset_alone;
+        let alone = self.config.subset.alone;
         let Work { rasterizer, gradient, all, subset, dense, .. } = &mut self.work;
         let chunks = rasterizer.grid.chunks();
         let mut recorder = self.gpu.record()?;
@@ -403,11 +406,11 @@ impl<'a> Fitter<'a> {
         let c = &self.config;
         let subset = self.work.subset.as_ref();
         // Number of updates of each splat that moves now, this one included.
-        let block = subset.filter(|_| !c.subset_dense);
+        let block = subset.filter(|_| !c.subset.dense);
         let t = f64::from(block.map_or(turn, |subset| subset.epoch(turn)) + 1);
-        let decay = f64::from(c.rate_decay).powf(share.clamp(0.0, 1.0)) as f32;
-        let spent = f64::from(turn) / f64::from(c.rate_mean_decay_iterations);
-        let mean_decay = decay * f64::from(c.rate_mean_decay).powf(spent) as f32;
+        let decay = f64::from(c.rates.decay).powf(share.clamp(0.0, 1.0)) as f32;
+        let spent = f64::from(turn) / f64::from(c.rates.mean_decay_iterations);
+        let mean_decay = decay * f64::from(c.rates.mean_decay).powf(spent) as f32;
         let rasterizer = &self.work.rasterizer;
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powf(t))) as f32;
         AdamParams {
@@ -416,16 +419,16 @@ impl<'a> Fitter<'a> {
             // nothing and will be repeated, so this one must not move anything either.
             chunk_count: (IN_FLIGHT * rasterizer.grid.chunks()) as u32,
             capacity: rasterizer.bins.capacity() as u32,
-            beta1: c.beta1,
-            beta2: c.beta2,
-            correction1: correction(c.beta1),
-            correction2: correction(c.beta2),
-            epsilon: c.adam_epsilon,
-            rate_mean: self.edges().map(|edge| c.rate_mean * mean_decay * edge),
-            rate_rotation: c.rate_rotation * decay,
-            rate_log_scale: c.rate_log_scale * decay,
-            rate_opacity: if c.learn_opacity { c.rate_opacity * decay } else { 0.0 },
-            rate_intensity: if c.learn_intensity { c.rate_intensity * decay } else { 0.0 },
+            beta1: c.adam.beta1,
+            beta2: c.adam.beta2,
+            correction1: correction(c.adam.beta1),
+            correction2: correction(c.adam.beta2),
+            epsilon: c.adam.epsilon,
+            rate_mean: self.edges().map(|edge| c.rates.mean * mean_decay * edge),
+            rate_rotation: c.rates.rotation * decay,
+            rate_log_scale: c.rates.log_scale * decay,
+            rate_opacity: if c.rates.learn_opacity { c.rates.opacity * decay } else { 0.0 },
+            rate_intensity: if c.rates.learn_intensity { c.rates.intensity * decay } else { 0.0 },
             min_log_scale: self.log_scale_range[0],
             max_log_scale: self.log_scale_range[1],
             scale_weight: self.scale_weight(),
@@ -438,7 +441,7 @@ impl<'a> Fitter<'a> {
 
     /// Returns the voxels along each axis that are one unit of `rate_mean`.
     fn edges(&self) -> [f32; 3] {
-        match self.config.scale_unit {
+        match self.config.init.unit {
             ScaleUnit::Voxel | ScaleUnit::Spacing => [1.0; 3],
             ScaleUnit::Box => self.volume.size.map(|n| n as f32 - 1.0),
         }
@@ -447,19 +450,19 @@ impl<'a> Fitter<'a> {
     /// Returns λ of Σ |s| over the splats, from `scale_weight`, which is that of the mean, for an objective
     /// that is a sum over samples (`terms`).
     fn scale_weight(&self) -> f32 {
-        let edge = match self.config.scale_unit {
+        let edge = match self.config.init.unit {
             ScaleUnit::Voxel | ScaleUnit::Spacing => 1.0,
             ScaleUnit::Box => self.stretch.x / f64::from(self.edges()[0]).max(1.0),
         };
         let count = self.work.all.splats.len() as f64;
         let size = terms::region_size(&self.config, self.roi);
-        (f64::from(self.config.scale_weight) * 0.5 * size * edge / count) as f32
+        (f64::from(self.config.loss.scale_weight) * 0.5 * size * edge / count) as f32
     }
 
     /// Returns the figures of the last step. Waits for the device.
     pub fn progress(&mut self) -> Result<Progress> {
         self.finish()?;
-        if self.work.subset.is_some() && self.config.subset_alone {
+        if self.work.subset.is_some() && self.config.subset.alone {
             self.measure_all()?;
         }
         let sums = self.losses.sums()?;
@@ -489,10 +492,10 @@ impl<'a> Fitter<'a> {
         let local = self.work.all.splats.read()?;
         let shape = DMat3::from_diagonal(self.stretch);
         let mut splats: Vec<_> = local.par_iter().map(|s| self.to_voxel(s)).collect();
-        if !self.config.learn_intensity {
+        if !self.config.rates.learn_intensity {
             self.sample_intensities(&mut splats);
         }
-        if !self.config.learn_opacity {
+        if !self.config.rates.learn_opacity {
             self.sample_opacities(&mut splats);
         }
         if self.stretch != DVec3::ONE {
@@ -540,7 +543,7 @@ impl Work {
     fn new(gpu: &Gpu, bricks: &Bricks, count: usize, config: &FitConfig, stretch: [f32; 3]) -> Result<Self> {
         let subset = Subset::of(gpu, count, config)?;
         let moving = subset.as_ref().map_or(count, Subset::size);
-        let rasterized = if config.subset_alone { moving } else { count };
+        let rasterized = if config.subset.alone { moving } else { count };
         Ok(Work {
             rasterizer: rasterizer(gpu, bricks, rasterized, config, stretch)?,
             dense: dense_gradients(gpu, count, &subset, config)?,
@@ -559,7 +562,7 @@ impl Work {
         config: &FitConfig,
     ) -> Result<(&mut Rasterizer, &Buffer<Splat>)> {
         let splats = &self.all.splats;
-        if self.subset.is_none() || !config.subset_alone {
+        if self.subset.is_none() || !config.subset.alone {
             return Ok((&mut self.rasterizer, splats));
         }
         if self.whole.is_none() {
@@ -597,7 +600,7 @@ fn untouched_sums(
     terms: &[Vec<Weighted>],
     targets: &[Vec<Buffer<Target>>],
 ) -> Result<Vec<Vec<UntouchedSums>>> {
-    if config.subset == 0 || !config.subset_alone {
+    if config.subset.size == 0 || !config.subset.alone {
         return Ok(Vec::new());
     }
     let Rasterizer { grid, reconstructions: nothing, .. } = rasterizer;
@@ -631,7 +634,7 @@ pub(super) fn dense_gradients(
     subset: &Option<Subset>,
     config: &FitConfig,
 ) -> Result<Option<Buffer<SplatGrad>>> {
-    let needed = subset.is_some() && config.subset_dense;
+    let needed = subset.is_some() && config.subset.dense;
     needed.then(|| gpu.buffer("gradients of all splats", "optimiser", count)).transpose()
 }
 
@@ -639,7 +642,7 @@ pub(super) fn dense_gradients(
 /// axis k has the clamps in voxels of the volume's axis k, however the splat is turned, as in the code of the
 /// paper's authors.
 fn log_scale_range(least: f32, most: f32, config: &FitConfig, stretch: DVec3) -> [[f32; 3]; 2] {
-    let unit = match config.scale_unit {
+    let unit = match config.init.unit {
         ScaleUnit::Voxel | ScaleUnit::Spacing => [1.0; 3],
         ScaleUnit::Box => stretch.as_vec3().to_array(),
     };

@@ -20,8 +20,12 @@ impl Goal {
     /// Returns the goal of a configuration, with the PSNR over `range` (HU); none if it has none.
     pub fn of(config: &FitConfig, range: [f32; 2], threshold: f32) -> Option<Goal> {
         let wanted = |value: f32| (value > 0.0).then_some(f64::from(value));
-        let goal =
-            Goal { psnr_db: wanted(config.target_psnr), p99_hu: wanted(config.target_hu), range, threshold };
+        let goal = Goal {
+            psnr_db: wanted(config.count.target_psnr),
+            p99_hu: wanted(config.count.target_hu),
+            range,
+            threshold,
+        };
         config.has_goal().then_some(goal)
     }
 
@@ -52,12 +56,15 @@ mod tests {
 
     #[test]
     fn the_part_that_is_missed_by_most_counts() {
-        let config = FitConfig { target_psnr: 45.0, target_hu: 50.0, ..FitConfig::default() };
+        let config = FitConfig::default().with(|c| {
+            c.count.target_psnr = 45.0;
+            c.count.target_hu = 50.0;
+        });
         let goal = Goal::of(&config, [0.0, 1.0], 0.0).expect("a goal");
         assert!((goal.surplus_db(46.0, 25.0) - 1.0).abs() < 1e-6);
         assert!((goal.surplus_db(48.0, 50.0) - 0.0).abs() < 1e-6);
         assert!((goal.surplus_db(48.0, 100.0) + 6.02).abs() < 0.01, "twice the error is 6 dB");
-        let psnr = FitConfig { target_hu: 0.0, ..config };
+        let psnr = config.with(|c| c.count.target_hu = 0.0);
         let goal = Goal::of(&psnr, [0.0, 1.0], 0.0).expect("a goal");
         assert!((goal.surplus_db(44.0, 1e6) + 1.0).abs() < 1e-6);
         assert!(goal.surplus_db(f64::INFINITY, 0.0).is_infinite(), "an exact fit reaches every goal");

@@ -8,6 +8,7 @@
 //! | `run`, `schedule` | the iterations: [`Problem`], [`Schedule`], and the observer of a fit ([`Watch`]) |
 //! | `stage` | what it hears besides |
 //! | `config`, `unit` | every hyper-parameter, with its unit |
+//! | `declare` | how they are declared: keys, groups and bounds |
 //! | `profiles`, `qualities`, `settings` | configurations with a name, and one made of both and of single values |
 //! | `goal`, `count`, `adjust` | an error to reach, the number of splats that it takes, and more or fewer of them |
 //! | `going` | how far a stage that takes long is, and whether it goes on |
@@ -23,8 +24,9 @@
 #![forbid(unsafe_code)]
 
 mod adjust;
-mod config;
+pub mod config;
 mod count;
+mod declare;
 pub mod errors;
 pub mod evaluate;
 mod fitter;

@@ -24,17 +24,17 @@ impl Fitter<'_> {
     }
 
     fn is_change_due(&self) -> bool {
-        let window = self.config.topology_from..=self.config.topology_until;
+        let window = self.config.topology.from..=self.config.topology.until;
         window.contains(&self.iteration)
-            && self.iteration.is_multiple_of(self.config.topology_every)
+            && self.iteration.is_multiple_of(self.config.topology.every)
             && self.config.topology().is_ok_and(|row| row.change.is_some())
     }
 
     fn is_sampling_due(&self) -> bool {
         let c = &self.config;
-        c.sample_every > 0
-            && self.iteration.is_multiple_of(c.sample_every)
-            && !(c.learn_intensity && c.learn_opacity)
+        c.rates.sample_every > 0
+            && self.iteration.is_multiple_of(c.rates.sample_every)
+            && !(c.rates.learn_intensity && c.rates.learn_opacity)
     }
 
     /// Changes splats and samples intensities and opacities, as far as either is due. Nothing may be in
@@ -47,10 +47,10 @@ impl Fitter<'_> {
             let splats = self.splats()?;
             let mut rows = self.work.read_rows()?;
             for (row, splat) in rows.iter_mut().zip(&splats) {
-                if !self.config.learn_intensity {
+                if !self.config.rates.learn_intensity {
                     row.splat.intensity = self.scaling.value(splat.intensity);
                 }
-                if !self.config.learn_opacity {
+                if !self.config.rates.learn_opacity {
                     row.splat.opacity_logit = splat.opacity_logit;
                 }
             }
@@ -72,13 +72,13 @@ impl Fitter<'_> {
             roi: self.roi,
             config: &self.config,
             scaling: &self.scaling,
-            scale_range: (self.config.scale_min, self.config.scale_max),
+            scale_range: (self.config.scales.min, self.config.scales.max),
             splats: &splats,
             gradient_norms: &gradient_norms,
             bricks: &self.bricks,
             samples: &samples,
             share,
-            limit: (self.first_count as f64 * f64::from(self.config.topology_limit)).round() as usize,
+            limit: (self.first_count as f64 * f64::from(self.config.topology.limit)).round() as usize,
         };
         let changed = change(&scene, &mut Pcg64::seed_from_u64(seed));
         self.replace(&splats, &changed)
@@ -88,7 +88,7 @@ impl Fitter<'_> {
     fn field_at_voxels(&mut self) -> Result<Vec<FieldSample>> {
         let (rasterizer, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
         let got = rasterizer.rasterize(splats, [0.0; 3])?;
-        let (scaling, w0) = (self.scaling, self.config.occupancy_w0);
+        let (scaling, w0) = (self.scaling, self.config.loss.occupancy_w0);
         let sample = |weight: f32, value: f32| FieldSample {
             hu: scaling.hu(value),
             occupancy: weight / (weight + w0),
@@ -170,7 +170,7 @@ impl Work {
         self.subset = Subset::of(gpu, count, config)?;
         self.dense = dense_gradients(gpu, count, &self.subset, config)?;
         let moving = self.subset.as_ref().map_or(count, Subset::size);
-        self.rasterizer.resize(if config.subset_alone { moving } else { count })?;
+        self.rasterizer.resize(if config.subset.alone { moving } else { count })?;
         self.gradient.resize(moving)?;
         self.all = passes::adam::AdamState::zeroed(gpu, count)?;
         Ok(())

@@ -100,7 +100,7 @@ impl<'a> Order<'a> {
             roi,
             labels: None,
             config,
-            goal: Goal::of(config, range, config.region_threshold),
+            goal: Goal::of(config, range, config.region.threshold),
             measure: None,
             rounded: false,
             size: None,
@@ -128,7 +128,7 @@ impl<'a> Order<'a> {
 /// let volume = Volume::read("ct.nii.gz", &ReadOptions::default())?;
 /// let bone = Roi::from_threshold(&volume, 226.0, 3071.0)?;
 /// let gpu = Gpu::new(&GpuOptions::default())?;
-/// let config = FitConfig { density: 0.05, ..FitConfig::default() };
+/// let config = FitConfig::default().with(|c| c.count.density = 0.05);
 /// let splats = fit::run(&gpu, &volume, &bone, &config, |progress| {
 ///     println!("iteration {}: {:.1} dB", progress.iteration, progress.psnr_db);
 ///     ControlFlow::Continue(())
@@ -214,7 +214,7 @@ impl<'a> Plan<'a> {
         let labels = labels
             .map(|labels| labels.clone().with_slices(config.effective_between_slices(), volume))
             .transpose()?;
-        let fitted_again = rounded && config.subset == 0 && clock.is_none();
+        let fitted_again = rounded && config.subset.size == 0 && clock.is_none();
         let mut counted = Duration::ZERO;
         let start = match interrupted {
             Some(interrupted) => Start::Interrupted(interrupted),

@@ -29,7 +29,7 @@ impl Problem<'_> {
     /// Returns true if splats of this fit are rounded and fitted again for the format that the extension of
     /// `path` names. A fit of mini-batches has no memory for that; its splats are rounded as they are.
     pub fn is_rounded_in(&self, path: &Path) -> bool {
-        splat::rounds(path) && self.config().subset == 0
+        splat::rounds(path) && self.config().subset.size == 0
     }
 
     /// Returns fitted splats (voxel space of the working grid, HU) as [`Problem::splat_set`] does, rounded
@@ -75,22 +75,21 @@ pub(super) fn config_after(config: &FitConfig, rounded: &[Group], splats: &[Spla
     let usual = FitConfig::default();
     let rate = |rate: f32, group| if rounded.contains(&group) { 0.0 } else { RATES * rate };
     let scales = || splats.iter().flat_map(|splat| splat.log_scale).map(f32::exp);
-    FitConfig {
-        rate_rotation: rate(usual.rate_rotation, Group::Shape),
-        rate_log_scale: rate(usual.rate_log_scale, Group::Shape),
-        rate_mean: rate(usual.rate_mean, Group::Mean),
-        rate_opacity: rate(usual.rate_opacity, Group::Opacity),
-        rate_intensity: rate(usual.rate_intensity, Group::Intensity),
-        learn_intensity: true,
-        learn_opacity: true,
-        topology: usual.topology,
-        subset: 0,
+    config.clone().with(|c| {
+        c.rates.rotation = rate(usual.rates.rotation, Group::Shape);
+        c.rates.log_scale = rate(usual.rates.log_scale, Group::Shape);
+        c.rates.mean = rate(usual.rates.mean, Group::Mean);
+        c.rates.opacity = rate(usual.rates.opacity, Group::Opacity);
+        c.rates.intensity = rate(usual.rates.intensity, Group::Intensity);
+        c.rates.learn_intensity = true;
+        c.rates.learn_opacity = true;
+        c.topology.name = usual.topology.name;
+        c.subset.size = 0;
         // Splats are shaped in voxels by now. What is rounded may lie beyond the limits of the fit.
-        scale_unit: ScaleUnit::Voxel,
-        scale_growth: 0.0,
-        scale_min: scales().fold(f32::INFINITY, f32::min) * 0.9,
-        scale_max: scales().fold(0.0, f32::max) * 1.1,
-        logit_max: config.logit_max + 1.0,
-        ..config.clone()
-    }
+        c.init.unit = ScaleUnit::Voxel;
+        c.scales.growth = 0.0;
+        c.scales.min = scales().fold(f32::INFINITY, f32::min) * 0.9;
+        c.scales.max = scales().fold(0.0, f32::max) * 1.1;
+        c.logit_max = config.logit_max + 1.0;
+    })
 }

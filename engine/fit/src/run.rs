@@ -9,7 +9,6 @@ use std::time::{Duration, Instant};
 
 use serde::{Deserialize, Serialize};
 
-use super::init::InitConfig;
 use super::stage::{Count, Stage};
 use super::{FitConfig, FitState, Fitter, Progress, Scaling, Schedule};
 use base::error::{Error, Kind, Result};
@@ -71,7 +70,7 @@ impl<'a> Problem<'a> {
             let region = OnceLock::new();
             return Ok(Problem { volume, roi, config, native_voxels, volume_crc32, region });
         }
-        if config.working_grid <= 1 {
+        if config.samples.working_grid <= 1 {
             let (volume, roi) = (Cow::Borrowed(volume), Cow::Borrowed(roi));
             let volume_crc32 = OnceLock::new();
             let region = OnceLock::new();
@@ -79,11 +78,11 @@ impl<'a> Problem<'a> {
         }
         // The range is that of the native volume: the means of its blocks reach less far.
         let (low, high) = Scaling::new(volume, roi, config).range;
-        let factor = config.working_grid as usize;
+        let factor = config.samples.working_grid as usize;
         Ok(Problem {
             volume: Cow::Owned(volume.coarsened(factor)),
             roi: Cow::Owned(roi.coarsened(factor)),
-            config: FitConfig { hu_range: [low, high], ..config.clone() },
+            config: config.clone().with(|c| c.region.hu_range = [low, high]),
             native_voxels,
             volume_crc32: OnceLock::from(volume.crc32()),
             region: OnceLock::new(),
@@ -113,7 +112,7 @@ impl<'a> Problem<'a> {
 
     /// Returns the same problem for this number of splats.
     pub fn of_count(self, splats: usize) -> Self {
-        Problem { config: FitConfig { splats, ..self.config }, ..self }
+        Problem { config: self.config.with(|c| c.count.splats = splats), ..self }
     }
 
     /// Returns the sum of the mask on the volume's own grid, voxels.
@@ -171,7 +170,7 @@ impl<'a> Problem<'a> {
     /// # Errors
     /// Those of [`Self::first_splats`].
     pub fn first_splats_by(&self, deadline: Option<Instant>) -> Result<Vec<Splat>> {
-        let place = self.config.initialiser()?.run;
+        let place = self.config.init.initialiser()?.run;
         let count = self.config.splat_count(self.native_voxels);
         let most = (MOST_A_VOXEL * self.native_voxels).max(LEAST_LIMIT);
         if count as f64 > most {
@@ -181,8 +180,7 @@ impl<'a> Problem<'a> {
             )));
         }
         memory::require(count as u64 * HOST_BYTES_A_SPLAT, &format!("{count} splats"))?;
-        let config = InitConfig { deadline, ..self.config.init() };
-        Ok(place(&self.volume, &self.roi, count, self.config.seed, &config))
+        Ok(place(&self.volume, &self.roi, count, self.config.seed, &self.config.init, deadline))
     }
 
     /// Prepares the device for a fit that begins with first splats or goes on from a state, as `start` says.

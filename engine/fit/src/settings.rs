@@ -75,7 +75,7 @@ impl Settings {
         }
         if is_given(TARGETS) && !explicit.iter().any(|key| key == "target_rounds") {
             // What somebody asks for is to be reached, not only to be aimed at.
-            config.target_rounds = FitConfig::default().target_rounds;
+            config.count.target_rounds = FitConfig::default().count.target_rounds;
         }
         if let Some(number) = NUMBERS.iter().find(|number| explicit.iter().any(|key| key == *number))
             && config.has_goal()
@@ -131,7 +131,7 @@ impl Settings {
 
     /// Returns true if the error to reach is only aimed at: trials find the number of splats, and that is final.
     pub fn is_aim(&self) -> bool {
-        self.config.target_rounds == 0
+        self.config.count.target_rounds == 0
     }
 
     /// Returns by how much the error to reach is missed, dB, if that is worth a word: `surplus_db` is how much better
@@ -191,7 +191,10 @@ mod tests {
         assert_eq!(silent.config, FitConfig { seed: 3, ..standard.clone() });
         assert_eq!((silent.quality.as_deref(), silent.config.has_goal()), (Some(DEFAULT_QUALITY), true));
         let of_mr = silent.clone().for_volume(false).config;
-        assert_eq!((of_mr.has_goal(), of_mr.density, of_mr.iterations), (false, 0.1, standard.iterations));
+        assert_eq!(
+            (of_mr.has_goal(), of_mr.count.density, of_mr.iterations),
+            (false, 0.1, standard.iterations)
+        );
         assert_eq!(silent.clone().for_volume(true).config, silent.config);
         for (key, value) in [
             ("splats", json!(7)),
@@ -213,15 +216,19 @@ mod tests {
     #[test]
     fn what_is_asked_for_replaces_the_target_of_a_quality() {
         let fine = |given: &[(&str, Value)]| settings("default", Some("fine"), given, false).unwrap().config;
-        assert_eq!((fine(&[]).target_hu, fine(&[]).target_rounds), (15.0, 0));
+        assert_eq!((fine(&[]).count.target_hu, fine(&[]).count.target_rounds), (15.0, 0));
         let number = fine(&[("density", json!(0.3))]);
         assert_eq!(
-            (number.has_goal(), number.density, number.iterations),
+            (number.has_goal(), number.count.density, number.iterations),
             (false, 0.3, fine(&[]).iterations)
         );
         let target = fine(&[("target_hu", json!(12))]);
-        assert_eq!((target.target_hu, target.target_rounds), (12.0, 5), "to be reached, not only aimed at");
-        assert_eq!(fine(&[("target_hu", json!(12)), ("target_rounds", json!(1))]).target_rounds, 1);
+        assert_eq!(
+            (target.count.target_hu, target.count.target_rounds),
+            (12.0, 5),
+            "to be reached, not only aimed at"
+        );
+        assert_eq!(fine(&[("target_hu", json!(12)), ("target_rounds", json!(1))]).count.target_rounds, 1);
     }
 
     #[test]
@@ -250,8 +257,8 @@ mod tests {
         let plain = settings("default", Some("fine"), &[], false).unwrap();
         assert_eq!(plain.plain_quality().unwrap().name, "fine");
         let changed = settings("default", Some("fine"), &[("iterations", json!(7))], false).unwrap();
-        let density = QualityPreset::named("fine").unwrap().of(&FitConfig::default()).unwrap().density;
-        assert_eq!((changed.config.iterations, changed.config.density), (7, density));
+        let density = QualityPreset::named("fine").unwrap().of(&FitConfig::default()).unwrap().count.density;
+        assert_eq!((changed.config.iterations, changed.config.count.density), (7, density));
         assert!(changed.plain_quality().is_none());
         assert!(settings("default", Some("best"), &[], false).is_err_and(|e| e.help.contains("preview")));
     }

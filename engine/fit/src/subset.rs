@@ -31,13 +31,13 @@ pub(super) struct Subset {
 }
 
 impl Subset {
-    /// Divides `count` splats into blocks of at most `config.subset`, as equal as they can be; returns
+    /// Divides `count` splats into blocks of at most `config.subset.size`, as equal as they can be; returns
     /// nothing if one block would hold them all.
     pub fn of(gpu: &Gpu, count: usize, config: &FitConfig) -> Result<Option<Self>> {
-        if config.subset == 0 || config.subset >= count {
+        if config.subset.size == 0 || config.subset.size >= count {
             return Ok(None);
         }
-        let blocks = count.div_ceil(config.subset);
+        let blocks = count.div_ceil(config.subset.size);
         let size = count.div_ceil(blocks);
         Ok(Some(Subset {
             rows: Rows::new(gpu)?,

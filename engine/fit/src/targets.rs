@@ -30,8 +30,10 @@ impl Scaling {
     /// Creates the scaling of a volume in its ROI, with the range that the configuration names or the data
     /// suggest.
     pub fn new(volume: &Volume, roi: &Roi, config: &FitConfig) -> Self {
-        let range = match config.hu_range {
-            [0.0, 0.0] if config.range == IntensityRange::Roi => roi.range(volume).unwrap_or_default().into(),
+        let range = match config.region.hu_range {
+            [0.0, 0.0] if config.region.range == IntensityRange::Roi => {
+                roi.range(volume).unwrap_or_default().into()
+            }
 
             [0.0, 0.0] if volume.is_ct() => (-1024.0, 3071.0),
             [0.0, 0.0] => volume.min_max().unwrap_or_default(),
@@ -56,12 +58,12 @@ impl Scaling {
         }
         // A constant volume has no span; any positive unit does.
         let unit = if range.1 > range.0 { range.1 - range.0 } else { 1.0 };
-        let background = match config.background {
+        let background = match config.region.background {
             // The mean lies in the range up to rounding; a constant ROI has it exactly.
             Background::Mean => ((sum / weight) as f32).clamp(roi_range.0, roi_range.1),
             Background::Low => range.0,
         };
-        let intensity_range = match config.clamp_intensity {
+        let intensity_range = match config.rates.clamp_intensity {
             true => roi_range,
             false => (range.0 - FAR * unit, range.1 + FAR * unit),
         };
@@ -150,7 +152,10 @@ mod tests {
             (Background::Low, [-200.0, 300.0], -200.0),
         ];
         for (background, hu_range, hu) in rows {
-            let config = FitConfig { background, hu_range, ..FitConfig::default() };
+            let config = FitConfig::default().with(|c| {
+                c.region.background = background;
+                c.region.hu_range = hu_range;
+            });
             let scaling = Scaling::new(&volume, &roi, &config);
             assert_eq!(scaling.background, hu, "{background:?} of {hu_range:?}");
             assert_eq!(

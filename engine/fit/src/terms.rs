@@ -62,19 +62,19 @@ pub const INTENSITY_LOSSES: &[ChosenLoss] = &[
 impl FitConfig {
     /// Returns the row of the table that `mask_loss` names.
     pub fn mask_loss(&self) -> Result<&'static ChosenLoss> {
-        row("mask_loss", &self.mask_loss, MASK_LOSSES, |row| row.name)
+        row("mask_loss", &self.loss.mask, MASK_LOSSES, |row| row.name)
     }
 
     /// Returns the row of the table that `intensity_loss` names.
     pub fn intensity_loss(&self) -> Result<&'static ChosenLoss> {
-        row("intensity_loss", &self.intensity_loss, INTENSITY_LOSSES, |row| row.name)
+        row("intensity_loss", &self.loss.intensity, INTENSITY_LOSSES, |row| row.name)
     }
 }
 
 /// Returns the number of voxels of the region as the mean intensity error counts them: the sum of the mask,
 /// or all above the threshold.
 pub(super) fn region_size(config: &FitConfig, roi: &Roi) -> f64 {
-    match config.region_threshold {
+    match config.region.threshold {
         0.0 => roi.weight_sum(),
         t => roi.weight.iter().filter(|&&w| w > t).count() as f64,
     }
@@ -84,16 +84,16 @@ pub(super) fn region_size(config: &FitConfig, roi: &Roi) -> f64 {
 /// weight; 1 if only what is beside a binary region counts; else 0.
 pub(super) fn shell(config: &FitConfig, roi: &Roi) -> u32 {
     let classified = config.is_classified(roi);
-    let occupancy = if classified { 0.0 } else { config.occupancy_weight };
-    let beside = u32::from(config.has_rim(roi) || classified && config.hold_weight > 0.0);
-    let looked_at = [occupancy, config.mask_weight, config.leak_weight];
-    if looked_at.iter().any(|&weight| weight > 0.0) { config.shell.max(beside) } else { beside }
+    let occupancy = if classified { 0.0 } else { config.loss.occupancy_weight };
+    let beside = u32::from(config.has_rim(roi) || classified && config.loss.hold_weight > 0.0);
+    let looked_at = [occupancy, config.loss.mask_weight, config.loss.leak_weight];
+    if looked_at.iter().any(|&weight| weight > 0.0) { config.loss.shell.max(beside) } else { beside }
 }
 
 /// Returns Σ (1 - M) over the samples that take part, or, if the region has a threshold, the number of
 /// samples outside it.
 pub(super) fn outside(config: &FitConfig, targets: &[Target]) -> f64 {
-    let part = |m: f64| match f64::from(config.region_threshold) {
+    let part = |m: f64| match f64::from(config.region.threshold) {
         0.0 => 1.0 - m,
         t => f64::from(u8::from(m <= t)),
     };
@@ -108,7 +108,7 @@ pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside
         // With nothing outside nothing can leak.
         if divisor > 0.0 { (f64::from(weight) * size / divisor) as f32 } else { 0.0 }
     };
-    let threshold = if config.region_threshold > 0.0 { config.region_threshold } else { -1.0 };
+    let threshold = if config.region.threshold > 0.0 { config.region.threshold } else { -1.0 };
     let hard = if roi.soft || threshold > 0.0 { threshold } else { 0.5 };
     let low = scaling.value(scaling.range.0);
     let term = |term, weight| Weighted { term, weight, region: threshold, low, ..Weighted::default() };
@@ -118,35 +118,35 @@ pub(super) fn weighted(config: &FitConfig, roi: &Roi, scaling: &Scaling, outside
             Mean::Region => size,
             Mean::Slices => roi.size[2] as f64,
         };
-        let parameter = loss.smoothing * config.dice_smoothing;
+        let parameter = loss.smoothing * config.loss.dice_smoothing;
         Weighted { parameter, ..term(loss.term, of_region(weight, divisor)) }
     };
     // Names were checked with the configuration.
     let intensity = config.intensity_loss().unwrap_or(&INTENSITY_LOSSES[0]);
     let mask = config.mask_loss().unwrap_or(&MASK_LOSSES[0]);
-    let of_mse = if intensity.term == MSE { config.mse_weight } else { 0.0 };
-    let rim = if config.has_rim(roi) { config.rim_weight } else { 0.0 };
+    let of_mse = if intensity.term == MSE { config.loss.mse_weight } else { 0.0 };
+    let rim = if config.has_rim(roi) { config.loss.rim_weight } else { 0.0 };
     let mut terms = vec![Weighted { region: hard, parameter: rim, ..term(MSE, of_mse) }];
-    if of_mse > 0.0 && config.target_hu > 0.0 {
-        let parameter = TAIL_FROM * config.target_hu / scaling.unit;
+    if of_mse > 0.0 && config.count.target_hu > 0.0 {
+        let parameter = TAIL_FROM * config.count.target_hu / scaling.unit;
         terms.push(Weighted { region: hard, parameter, ..term(TAIL, of_mse) });
     }
     let weight = config.occupancy_weight(roi);
     if weight > 0.0 {
-        let tolerance = if config.is_classified(roi) { config.occupancy_tolerance } else { 0.0 };
+        let tolerance = if config.is_classified(roi) { config.loss.occupancy_tolerance } else { 0.0 };
         let occupancy = term(OCCUPANCY, weight);
-        terms.push(Weighted { parameter: config.occupancy_w0, tolerance, ..occupancy });
+        terms.push(Weighted { parameter: config.loss.occupancy_w0, tolerance, ..occupancy });
     }
-    if intensity.term != MSE && config.mse_weight > 0.0 {
-        terms.push(chosen(intensity, config.mse_weight));
+    if intensity.term != MSE && config.loss.mse_weight > 0.0 {
+        terms.push(chosen(intensity, config.loss.mse_weight));
     }
-    if config.mask_weight > 0.0 {
-        terms.push(chosen(mask, config.mask_weight));
+    if config.loss.mask_weight > 0.0 {
+        terms.push(chosen(mask, config.loss.mask_weight));
     }
-    if config.leak_weight > 0.0 {
-        let outside = if config.leak_volume { roi.weight.len() as f64 - size } else { outside };
-        let parameter = config.leak_power as f32;
-        terms.push(Weighted { parameter, ..term(LEAK, of_region(config.leak_weight, outside)) });
+    if config.loss.leak_weight > 0.0 {
+        let outside = if config.loss.leak_volume { roi.weight.len() as f64 - size } else { outside };
+        let parameter = config.loss.leak_power as f32;
+        terms.push(Weighted { parameter, ..term(LEAK, of_region(config.loss.leak_weight, outside)) });
     }
     terms
 }
@@ -163,13 +163,12 @@ mod tests {
     fn weights_are_those_of_the_objective() {
         let volume = Volume::new([4, 1, 1], DAffine3::IDENTITY, vec![0.0; 4]);
         let roi = Roi::new(vec![1.0, 0.5, 1.0, 0.0], &volume).unwrap();
-        let none = FitConfig {
-            mse_weight: 0.0,
-            occupancy_weight: 0.0,
-            mask_weight: 0.0,
-            leak_weight: 0.0,
-            ..FitConfig::default()
-        };
+        let none = FitConfig::default().with(|c| {
+            c.loss.mse_weight = 0.0;
+            c.loss.occupancy_weight = 0.0;
+            c.loss.mask_weight = 0.0;
+            c.loss.leak_weight = 0.0;
+        });
         let list = |config: &FitConfig, outside| -> Vec<_> {
             let scaling = Scaling::new(&volume, &roi, config);
             weighted(config, &roi, &scaling, outside).iter().map(|t| (t.term, t.weight)).collect()
@@ -178,33 +177,41 @@ mod tests {
         assert_eq!(shell(&none, &roi), 0, "nothing beside a soft region counts");
         let binary = Roi { soft: false, ..roi.clone() };
         assert_eq!(shell(&none, &binary), 1, "the rim, and what holds splats");
-        let alone = FitConfig { rim_weight: 0.0, hold_weight: 0.0, ..none.clone() };
+        let alone = none.clone().with(|c| {
+            c.loss.rim_weight = 0.0;
+            c.loss.hold_weight = 0.0;
+        });
         assert_eq!(shell(&alone, &binary), 0);
-        let all = FitConfig {
-            mse_weight: 2.0,
-            occupancy_weight: 3.0,
-            form: FitForm::Field,
-            mask_weight: 4.0,
-            leak_weight: 6.0,
-            ..FitConfig::default()
-        };
+        let all = FitConfig::default().with(|c| {
+            c.loss.mse_weight = 2.0;
+            c.loss.occupancy_weight = 3.0;
+            c.samples.form = FitForm::Field;
+            c.loss.mask_weight = 4.0;
+            c.loss.leak_weight = 6.0;
+        });
         assert_eq!(
             list(&all, 5.0),
             [(MSE, 2.0), (OCCUPANCY, 3.0), (DICE, 4.0 * 2.5), (LEAK, 6.0 * 2.5 / 5.0)]
         );
-        let aims = FitConfig { target_hu: 30.0, mse_weight: 2.0, ..none.clone() };
+        let aims = none.clone().with(|c| {
+            c.count.target_hu = 30.0;
+            c.loss.mse_weight = 2.0;
+        });
         assert_eq!(list(&aims, 5.0), [(MSE, 2.0), (TAIL, 2.0)]);
         assert_eq!(list(&all, 0.0)[3], (LEAK, 0.0), "nothing outside, nothing to leak into");
         for one in [
-            FitConfig { occupancy_weight: 1.0, form: FitForm::Field, ..none.clone() },
-            FitConfig { mask_weight: 1.0, ..none.clone() },
-            FitConfig { leak_weight: 1.0, ..none.clone() },
+            none.clone().with(|c| {
+                c.loss.occupancy_weight = 1.0;
+                c.samples.form = FitForm::Field;
+            }),
+            none.clone().with(|c| c.loss.mask_weight = 1.0),
+            none.clone().with(|c| c.loss.leak_weight = 1.0),
         ] {
-            assert_eq!((shell(&one, &roi), list(&one, 1.0).len()), (one.shell, 2));
+            assert_eq!((shell(&one, &roi), list(&one, 1.0).len()), (one.loss.shell, 2));
         }
         let targets = [Target::new(0.0, 1.0), Target::IDLE, Target::new(0.5, 0.0), Target::new(0.0, 0.25)];
         assert!((outside(&none, &targets) - 1.75).abs() < 1e-4);
-        let above = FitConfig { region_threshold: 0.01, ..none };
+        let above = none.with(|c| c.region.threshold = 0.01);
         assert_eq!((outside(&above, &targets), region_size(&above, &roi)), (1.0, 3.0));
     }
 }

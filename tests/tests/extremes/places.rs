@@ -29,7 +29,7 @@ fn n12_and_n13_places_and_units() {
     let gpu = Device::boot();
     let mut case = Case::phantom([28, 26, 30], 12);
     // Slices of 10 mm would get others between them.
-    case.config.between_slices = BetweenSlices::Linear;
+    case.config.samples.between_slices = BetweenSlices::Linear;
     let moved = |world_from_voxel| {
         let mut moved = case.clone();
         moved.volume.world_from_voxel = world_from_voxel;

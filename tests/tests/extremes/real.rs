@@ -73,7 +73,7 @@ fn extremes_of_real_data() {
     let speck = with(&|c: &mut Case| {
         let kept = c.roi.weight.iter().position(|&w| w > 0.0).expect("a region");
         c.roi.weight.iter_mut().enumerate().for_each(|(i, w)| *w = f32::from(u8::from(i == kept)));
-        c.config.hold_weight = 0.1;
+        c.config.loss.hold_weight = 0.1;
     });
     let whole = with(&|c: &mut Case| {
         c.roi = Roi::new(vec![1.0; c.volume.len()], &c.volume).expect("a region");

@@ -17,14 +17,21 @@ use vgs_tests::{Device, Scene, step};
 
 /// The fit's least scale, voxels.
 fn least_scale() -> f32 {
-    FitConfig::default().scale_min
+    FitConfig::default().scales.min
 }
 
 /// A splat on or between voxel centres that reaches none of them is widened to the floor, and then has weight and learns.
 #[test]
 fn n2_smaller_than_a_voxel() {
     let gpu = Device::boot();
-    let case = Case::ball(16, 6.0, FitConfig { iterations: 12, offsets: 1, ..FitConfig::default() });
+    let case = Case::ball(
+        16,
+        6.0,
+        FitConfig::default().with(|c| {
+            c.iterations = 12;
+            c.samples.offsets = 1;
+        }),
+    );
     let tiny: Vec<Splat> =
         [[7.5, 7.5, 7.5], [6.5, 8.5, 7.5], [9.5, 6.5, 8.5], [8.0, 8.0, 8.0], [7.5, 6.0, 8.0]]
             .map(|mean| one(mean, [0.05f32.ln(); 3], 0.0, 20.0))

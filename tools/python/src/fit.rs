@@ -147,12 +147,12 @@ pub fn fit<'py>(
 fn protocol(volume: &volume::Volume, roi: &volume::Roi, config: &FitConfig) -> Protocol {
     let whole = volume.min_max().map(|(low, high)| [low, high]).unwrap_or_default();
     // A fit over the region's range is measured over it, too, and every voxel counts alike.
-    let (range, unweighted) = match config.range {
+    let (range, unweighted) = match config.region.range {
         IntensityRange::Roi => (roi.range(volume).unwrap_or(whole), 0.01),
         IntensityRange::Auto => (whole, 0.0),
     };
-    let threshold = f32::max(unweighted, config.region_threshold);
-    Protocol { offsets: Vec::new(), range, shell: config.shell, threshold }
+    let threshold = f32::max(unweighted, config.region.threshold);
+    Protocol { offsets: Vec::new(), range, shell: config.loss.shell, threshold }
 }
 
 fn seconds(time: f64) -> PyResult<Duration> {

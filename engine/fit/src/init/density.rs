@@ -4,6 +4,7 @@ use glam::{DMat3, DVec3};
 use rand::RngExt;
 use rayon::prelude::*;
 
+use crate::config::Init;
 use volume::{Roi, Volume};
 
 /// Spacings follow the density only down to this share of its mean, so that a nearly excluded voxel does not
@@ -47,6 +48,17 @@ pub(super) struct GradientWeights {
     pub exponent: f32,
     /// Constant added to the gradient, in units of the mean gradient.
     pub floor: f32,
+}
+
+impl GradientWeights {
+    /// Returns the weight that the first splats have.
+    pub fn of(init: &Init) -> GradientWeights {
+        GradientWeights {
+            smoothing_sigma: init.smoothing_sigma,
+            exponent: init.gradient_exponent,
+            floor: init.gradient_floor,
+        }
+    }
 }
 
 impl Density {
@@ -384,8 +396,8 @@ mod tests {
             let weight: Vec<f32> = (0..count).map(|i| ((i * 37) % 11) as f32 / 10.0 + 1e-6).collect();
             let volume = Volume::new(size, glam::DAffine3::IDENTITY, samples);
             let roi = Roi { size, weight, soft: true };
-            let density = Density::of(&volume, &roi, crate::FitConfig::default().init().weights())
-                .expect("weights above 0");
+            let density =
+                Density::of(&volume, &roi, GradientWeights::of(&Init::default())).expect("weights above 0");
             for i in 0..10_000 {
                 let at = f64::from(i) / 10_000.0;
                 let expected = density.cumulative.partition_point(|&sum| sum <= at * density.total());

@@ -11,10 +11,11 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::config::{InitConfig, prototype, set_opacity};
-use super::density::Density;
+use super::density::{Density, GradientWeights};
 use super::intensity::intensity;
+use super::prototype::{prototype, set_opacity};
 use crate::ScaleUnit;
+use crate::config::Init;
 use splat::space::reshaped;
 use splat::{Activations, Splat};
 use volume::{Roi, Volume};
@@ -28,28 +29,22 @@ const JITTER: f32 = 0.01;
 
 /// Places exactly `count` splats; the contract is that of [`super::Initialiser::run`]. One sequence of random
 /// numbers is drawn for all splats, so the result does not depend on the number of threads.
-pub(super) fn initialise(
-    volume: &Volume,
-    roi: &Roi,
-    count: usize,
-    seed: u64,
-    config: &InitConfig,
-) -> Vec<Splat> {
+pub(super) fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, init: &Init) -> Vec<Splat> {
     assert_eq!(volume.size, roi.size, "a region of interest lies on the grid of its volume");
-    let Some(density) = Density::of(volume, roi, config.weights()).filter(|_| count > 0) else {
+    let Some(density) = Density::of(volume, roi, GradientWeights::of(init)).filter(|_| count > 0) else {
         return Vec::new();
     };
     let mut rng = Pcg64::seed_from_u64(seed);
     let means = means(roi, count, &mut rng);
-    let span = config.scale_max - config.scale_min;
-    let scales: Vec<f32> = (0..count).map(|_| config.scale_min + span * rng.random::<f32>()).collect();
-    let millimetres = (config.unit == ScaleUnit::Spacing).then(|| {
+    let span = init.scale_max - init.scale_min;
+    let scales: Vec<f32> = (0..count).map(|_| init.scale_min + span * rng.random::<f32>()).collect();
+    let millimetres = (init.unit == ScaleUnit::Spacing).then(|| {
         let voxel_from_mm = volume.world_from_voxel.matrix3.inverse();
         (voxel_from_mm, voxel_from_mm.transpose(), (volume.spacing_mm().element_sum() / 3.0) as f32)
     });
     let per_mm: Option<&DMat3> = millimetres.as_ref().map(|(_, per_mm, _)| per_mm);
-    let turns = (config.orientation.run)(&density, &means, per_mm);
-    let prototype = prototype(config);
+    let turns = (init.cue().run)(&density, &means, per_mm);
+    let prototype = prototype(init);
     (means, scales, turns)
         .into_par_iter()
         .map(|(mean, scale, turn)| {
@@ -60,8 +55,8 @@ pub(super) fn initialise(
                 splat.set_scale([scale * mean_spacing; 3]);
                 splat = reshaped(&splat, voxel_from_mm);
             }
-            splat.intensity = intensity(volume, &density, &splat, config.footprint);
-            set_opacity(&mut splat, roi, config);
+            splat.intensity = intensity(volume, &density, &splat, init.footprint);
+            set_opacity(&mut splat, roi, init);
             splat
         })
         .collect()
@@ -134,16 +129,16 @@ mod tests {
             .collect();
         let volume = Volume::new(size, DAffine3::IDENTITY, (0..count).map(|i| i as f32).collect());
         let roi = Roi::new(weight, &volume).unwrap();
-        let config = InitConfig {
+        let init = Init {
             scale_min: 1.5,
             scale_max: 4.0,
             unit: ScaleUnit::Box,
             opacity_mask: true,
-            ..crate::FitConfig::default().init()
+            ..Init::default()
         };
-        let splats = initialise(&volume, &roi, 900, 3, &config);
+        let splats = initialise(&volume, &roi, 900, 3, &init);
         assert_eq!(splats.len(), 900);
-        assert!(splats == initialise(&volume, &roi, 900, 3, &config), "the same seed gives the same splats");
+        assert!(splats == initialise(&volume, &roi, 900, 3, &init), "the same seed gives the same splats");
         let mut cells = std::collections::BTreeMap::new();
         for s in &splats {
             let nearest = s.mean.map(|c| c.round() as i32);
@@ -160,6 +155,6 @@ mod tests {
         let faint = splats.iter().filter(|s| s.mean[0] > 9.5).count();
         assert!((350..650).contains(&faint), "{faint} of 900 where 10 of 18 voxels are faint");
         // More than there is room for.
-        assert_eq!(initialise(&volume, &roi, 9000, 3, &config).len(), 9000);
+        assert_eq!(initialise(&volume, &roi, 9000, 3, &init).len(), 9000);
     }
 }

@@ -14,39 +14,34 @@ use rand::{RngExt, SeedableRng};
 use rand_pcg::Pcg64;
 use rayon::prelude::*;
 
-use super::config::{InitConfig, prototype, set_opacity};
 use super::density::{Density, GradientWeights};
 use super::intensity::intensity;
+use super::prototype::{prototype, set_opacity};
 use crate::ScaleUnit;
+use crate::config::Init;
 use splat::space::reshaped;
 use splat::{Activations, Splat};
 use volume::{Roi, Volume};
 
 /// Places exactly `count` splats; the contract is that of [`super::Initialiser::run`]. One sequence of random
 /// numbers is drawn for all splats, so the result does not depend on the number of threads.
-pub(super) fn initialise(
-    volume: &Volume,
-    roi: &Roi,
-    count: usize,
-    seed: u64,
-    config: &InitConfig,
-) -> Vec<Splat> {
+pub(super) fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, init: &Init) -> Vec<Splat> {
     assert_eq!(volume.size, roi.size, "a region of interest lies on the grid of its volume");
     // Without the gradient the density is the mask.
-    let even = GradientWeights { exponent: 0.0, ..config.weights() };
+    let even = GradientWeights { exponent: 0.0, ..GradientWeights::of(init) };
     let Some(density) = Density::of(volume, roi, even).filter(|_| count > 0) else { return Vec::new() };
     let mut rng = Pcg64::seed_from_u64(seed);
     let means = density.draw_points(count, &mut rng);
-    let span = config.scale_max - config.scale_min;
-    let mut scale = || config.scale_min + span * rng.random::<f32>();
+    let span = init.scale_max - init.scale_min;
+    let mut scale = || init.scale_min + span * rng.random::<f32>();
     let scales: Vec<[f32; 3]> = (0..count).map(|_| [scale(), scale(), scale()]).collect();
-    let millimetres = match config.unit {
+    let millimetres = match init.unit {
         // With the unit "box", scales and directions are those of the box.
         ScaleUnit::Voxel | ScaleUnit::Box => None,
         ScaleUnit::Spacing => Some(Millimetres::of(volume)),
     };
-    let turns = (config.orientation.run)(&density, &means, millimetres.as_ref().map(|m| &m.per_mm));
-    let prototype = prototype(config);
+    let turns = (init.cue().run)(&density, &means, millimetres.as_ref().map(|m| &m.per_mm));
+    let prototype = prototype(init);
     (means, scales, turns)
         .into_par_iter()
         .map(|(mean, mut scale, turn)| {
@@ -62,8 +57,8 @@ pub(super) fn initialise(
                     splat = reshaped(&splat, &m.voxel_from_mm);
                 }
             }
-            splat.intensity = intensity(volume, &density, &splat, config.footprint);
-            set_opacity(&mut splat, roi, config);
+            splat.intensity = intensity(volume, &density, &splat, init.footprint);
+            set_opacity(&mut splat, roi, init);
             splat
         })
         .collect()

@@ -74,7 +74,11 @@ mod tests {
         }
         for name in ["paper", "reference"] {
             let config = Profile::named(name).and_then(Profile::config).expect("a configuration");
-            assert_eq!(config.between_slices, BetweenSlices::Linear, "{name} knows no slices but the scan's");
+            assert_eq!(
+                config.samples.between_slices,
+                BetweenSlices::Linear,
+                "{name} knows no slices but the scan's"
+            );
         }
         assert!(Profile::named("papre").is_err_and(|e| e.help.contains("paper")));
     }

@@ -97,13 +97,12 @@ impl QualityPreset {
         let mut keys = toml::Table::try_from(profile).map_err(|e| broken(e.to_string()))?;
         keys.extend(overlay.keys);
         let config: FitConfig = keys.try_into().map_err(|e: toml::de::Error| broken(e.message().into()))?;
-        let splats = profile.splats as f64 * overlay.density_times;
+        let splats = profile.count.splats as f64 * overlay.density_times;
         let config = if config.check().is_ok() { config } else { config.without_goal() };
-        Ok(FitConfig {
-            density: profile.density * overlay.density_times,
-            splats: if profile.splats > 0 { (splats.round() as usize).max(1) } else { 0 },
-            ..config
-        })
+        Ok(config.with(|c| {
+            c.count.density = profile.count.density * overlay.density_times;
+            c.count.splats = if profile.count.splats > 0 { (splats.round() as usize).max(1) } else { 0 };
+        }))
     }
 }
 
@@ -126,12 +125,12 @@ mod tests {
                 .collect();
             for config in &configs {
                 config.check().unwrap_or_else(|e| panic!("{}: {e}", profile.name));
-                assert_eq!(config.init_gradient_exponent, plain.init_gradient_exponent, "the profile's own");
+                assert_eq!(config.init.gradient_exponent, plain.init.gradient_exponent, "the profile's own");
             }
-            let work = |c: &FitConfig| c.density * f64::from(c.iterations);
+            let work = |c: &FitConfig| c.count.density * f64::from(c.iterations);
             assert!(configs.windows(2).all(|pair| work(&pair[0]) < work(&pair[1])), "{}", profile.name);
-            let targets: Vec<f32> = configs.iter().map(|c| c.target_hu).collect();
-            let slow = plain.rate_mean < FitConfig::default().rate_mean;
+            let targets: Vec<f32> = configs.iter().map(|c| c.count.target_hu).collect();
+            let slow = plain.rates.mean < FitConfig::default().rates.mean;
             let falling =
                 targets[0] == 0.0 && targets[1..].windows(2).all(|pair| pair[0] > pair[1] && pair[1] > 0.0);
             assert!(if slow { targets == [0.0; 4] } else { falling }, "{}: {targets:?}", profile.name);
@@ -148,9 +147,14 @@ mod tests {
     #[test]
     fn a_number_of_splats_grows_like_a_density() {
         let preset = preset("density_times = 2.5\niterations = 7\n");
-        let config = preset.of(&FitConfig { splats: 100, ..FitConfig::default() }).expect("a configuration");
-        assert_eq!((config.splats, config.density, config.iterations), (250, 0.25, 7));
-        let same = FitConfig { density: 0.1, iterations: 300, splats: 0, ..config };
+        let config =
+            preset.of(&FitConfig::default().with(|c| c.count.splats = 100)).expect("a configuration");
+        assert_eq!((config.count.splats, config.count.density, config.iterations), (250, 0.25, 7));
+        let same = config.with(|c| {
+            c.count.density = 0.1;
+            c.iterations = 300;
+            c.count.splats = 0;
+        });
         assert_eq!(same, FitConfig::default(), "all else stays what it is, to the bit");
     }
 

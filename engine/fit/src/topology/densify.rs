@@ -21,11 +21,11 @@ const SPLIT: f32 = 1.6;
 
 pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
     let splats = scene.splats;
-    let stays = staying(splats, scene.config.topology_prune_opacity);
+    let stays = staying(splats, scene.config.topology.prune_opacity);
     let most = scene.most_added(stays.iter().filter(|&&stays| stays).count());
 
     let norms: Vec<f32> = scene.gradient_norms.iter().map(|&n| if n.is_finite() { n } else { 0.0 }).collect();
-    let threshold = percentile(&norms, scene.config.topology_percentile);
+    let threshold = percentile(&norms, scene.config.topology.percentile);
     let mut refined: Vec<usize> =
         (0..splats.len()).filter(|&i| stays[i] && f64::from(norms[i]) > threshold).collect();
 
@@ -38,7 +38,7 @@ pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
     refined.sort_unstable();
 
     // Scales are compared as logarithms, as they are stored: a splat of that very scale is not larger.
-    let limit = scene.config.topology_split_scale.ln();
+    let limit = scene.config.topology.split_scale.ln();
     let split = |i: usize| splats[i].log_scale.iter().any(|&log| log > limit);
     let mut parents = vec![false; splats.len()];
     refined.iter().for_each(|&i| parents[i] = split(i));
@@ -58,7 +58,7 @@ pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
     for index in holes {
         let mean =
             scene.voxel(index).as_dvec3() + DVec3::from_array([0; 3].map(|_| random.random::<f64>() - 0.5));
-        change.add(scene.new_splat(mean, hole_scale, scene.config.init_opacity));
+        change.add(scene.new_splat(mean, hole_scale, scene.config.init.opacity));
     }
     change
 }
@@ -118,7 +118,7 @@ fn median_scale(splats: &[Splat]) -> f32 {
 /// the ROI with a summed weight below `topology_hole_weight`; in a soft ROI it counts with the mask as its
 /// probability. A hole within `scale` voxels of one already chosen is taken to be filled with it.
 fn holes(scene: &Scene, scale: f64, most: usize, random: &mut Pcg64) -> Vec<usize> {
-    let least = scene.config.topology_hole_weight;
+    let least = scene.config.topology.hole_weight;
     let open = scene.map_roi(0.0, |field, _, m| if field.weight < least { m } else { 0.0 });
     // One number u for each hole decides whether it counts (u < m) and when it comes: given u < m, u / m is
     // even in 0..1 whatever m is.

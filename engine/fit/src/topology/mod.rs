@@ -52,6 +52,6 @@ pub const TOPOLOGIES: &[Topology] = &[
 impl FitConfig {
     /// Returns the row of the table that `topology` names.
     pub fn topology(&self) -> Result<&'static Topology> {
-        row("topology", &self.topology, TOPOLOGIES, |row| row.name)
+        row("topology", &self.topology.name, TOPOLOGIES, |row| row.name)
     }
 }

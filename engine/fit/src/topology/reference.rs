@@ -46,12 +46,12 @@ const INSIDE: f64 = 0.05;
 
 pub(super) fn densify(scene: &Scene, random: &mut Pcg64) -> Change {
     let splats = scene.splats;
-    let stays = staying(splats, scene.config.topology_prune_opacity);
+    let stays = staying(splats, scene.config.topology.prune_opacity);
     let remaining = stays.iter().filter(|&&stays| stays).count();
     let mut room = MOST.min(scene.limit.saturating_sub(remaining));
 
     let norms: Vec<f32> = scene.gradient_norms.iter().map(|&n| if n.is_finite() { n } else { 0.0 }).collect();
-    let threshold = THRESHOLD * percentile(&norms, scene.config.topology_percentile);
+    let threshold = THRESHOLD * percentile(&norms, scene.config.topology.percentile);
     let refined = |i: &usize| stays[*i] && f64::from(norms[*i]) > threshold;
     let (small, large): (Vec<usize>, Vec<usize>) =
         (0..splats.len()).filter(refined).partition(|&i| is_small(scene, &splats[i]));

@@ -64,7 +64,7 @@ impl Scene<'_> {
     /// Returns the most splats that one change adds or moves: `topology_share` of all, rounded down.
     pub(super) fn most_at_once(&self) -> usize {
         // Computed in f32, where a share of 0.7 of 10 is 7 and not 6.99.
-        (self.config.topology_share * self.splats.len() as f32) as usize
+        (self.config.topology.share * self.splats.len() as f32) as usize
     }
 
     /// Returns the most splats that a change adds when `remaining` of the old ones stay.

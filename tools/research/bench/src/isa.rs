@@ -88,7 +88,7 @@ pub fn recipes(options: &GpuOptions) -> Result<BTreeSet<Recipe>> {
     let mut set = None;
     for profile in ["field", "default"] {
         let mut config = Profile::named(profile)?.config()?;
-        (config.iterations, config.density) = (2, 0.02);
+        (config.iterations, config.count.density) = (2, 0.02);
         set = Some(fit::run(&gpu, &volume, &roi, &config, |_| ControlFlow::Continue(()))?);
     }
     let range = volume.min_max().map_or([0.0, 1.0], |(low, high)| [low, high].map(f64::from));

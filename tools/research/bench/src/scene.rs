@@ -64,7 +64,10 @@ impl Scene {
     /// Returns the splats after `iterations` steps of a fit, in the fit's own coordinates, with its sample
     /// grid.
     pub fn fitted(&self, gpu: &Gpu, density: f64, iterations: u32) -> Result<Fitted> {
-        let config = FitConfig { iterations, density, ..FitConfig::default() };
+        let config = FitConfig::default().with(|c| {
+            c.iterations = iterations;
+            c.count.density = density;
+        });
         let problem = Problem::new(&self.volume, &self.roi, &config)?;
         let mut fitter = problem.fitter(gpu, &Start::First(problem.first_splats()?))?;
         fitter.run_to(iterations, problem.schedule())?;

@@ -122,7 +122,10 @@ fn go_round(gpu: &Gpu, a: &SoakArguments, cycle: usize, folder: &Path) -> Result
     nifti::write(&volume, &phantom.volume(), true)?;
     let volume = Volume::read(&volume, &ReadOptions::default())?;
     let roi = phantom.roi()?;
-    let config = FitConfig { density: 0.05, iterations: a.iterations, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.count.density = 0.05;
+        c.iterations = a.iterations;
+    });
     splat::write(
         &splats,
         &fit::run(gpu, &volume, &roi, &config, |_| std::ops::ControlFlow::Continue(()))?,

@@ -286,7 +286,7 @@ fn run(order: &FitOrder, tell: &Job, kept: &Receiver<(PathBuf, bool)>) -> Result
 fn measure(order: &FitOrder, problem: &Problem<'_>, gpu: &Gpu, splats: &[Splat], tell: &Job) -> Result<()> {
     let volume = &order.volume.volume;
     let range = volume.min_max().map_or([0.0; 2], |(low, high)| [low, high]);
-    let threshold = order.config.region_threshold;
+    let threshold = order.config.region.threshold;
     let found = problem.at_voxels(gpu, &Goal { psnr_db: None, p99_hu: None, range, threshold }, splats)?;
     tell.say(Report::Figures { psnr_db: found.psnr_db, rmse: found.rmse_hu });
     tell.say(Report::Measured { p99: found.p99_hu });

@@ -248,7 +248,7 @@ fn plan(
         let cost = if config.has_goal() {
             format!(
                 "as many splats as it takes for 99 % of the voxels to be within {}{}; {} iterations",
-                config.target_hu, info.unit, config.iterations
+                config.count.target_hu, info.unit, config.iterations
             )
         } else {
             let bytes = bytes(ply_bytes(splats));

@@ -3,17 +3,18 @@
 mod orientation;
 mod uniform;
 
-use std::time::Instant;
-
 use glam::{DAffine3, DVec3};
 use rand::SeedableRng;
 use rand_pcg::Pcg64;
 
-use super::gradient::initialise;
 use super::*;
 use crate::{FitConfig, ScaleUnit};
 use splat::activation::{Activations, rotation_matrix};
 use splat::defect;
+
+fn initialise(volume: &Volume, roi: &Roi, count: usize, seed: u64, init: &Init) -> Vec<Splat> {
+    gradient::initialise(volume, roi, count, seed, init, None)
+}
 
 fn volume(size: [usize; 3], hu: impl Fn(usize, usize, usize) -> f32) -> Volume {
     let mut samples = Vec::new();
@@ -60,8 +61,7 @@ fn after_the_deadline_splats_are_placed_at_random() {
     let (volume, roi) = (ball(size), region(size, |_, _, _| 1.0));
     let mut least = Vec::new();
     for deadline in [None, Some(Instant::now())] {
-        let config = InitConfig { deadline, ..FitConfig::default().init() };
-        let splats = initialise(&volume, &roi, 300, 3, &config);
+        let splats = gradient::initialise(&volume, &roi, 300, 3, &Init::default(), deadline);
         assert_eq!(splats.len(), 300);
         assert!(splats.iter().all(|splat| defect(splat).is_none()));
         least.push(nearest_distances(&splats).into_iter().fold(f32::INFINITY, f32::min));
@@ -71,7 +71,7 @@ fn after_the_deadline_splats_are_placed_at_random() {
 
 #[test]
 fn the_count_is_exact_and_every_splat_lies_in_the_region() {
-    let config = FitConfig::default().init();
+    let init = Init::default();
     let everywhere = |size| region(size, |_, _, _| 1.0);
     let cube = [12, 10, 8];
     // Name, volume, region, counts.
@@ -110,7 +110,7 @@ fn the_count_is_exact_and_every_splat_lies_in_the_region() {
     ];
     for (name, volume, roi, counts) in rows {
         for count in counts {
-            let splats = initialise(&volume, &roi, count, 5, &config);
+            let splats = initialise(&volume, &roi, count, 5, &init);
             assert_eq!(splats.len(), count, "{name}");
             for splat in &splats {
                 assert_eq!(defect(splat), None, "{name}: {splat:?}");
@@ -123,7 +123,7 @@ fn the_count_is_exact_and_every_splat_lies_in_the_region() {
                 assert!(splat.mean.iter().zip(roi.size).all(|(&x, n)| x >= -0.5 && x <= n as f32 - 0.5));
                 assert_eq!(splat.opacity_logit, 0.0, "{name}: opacity ½");
                 for scale in splat.scale() {
-                    let (least, most) = (config.scale_min / config.anisotropy, config.scale_max * 1.2248);
+                    let (least, most) = (init.scale_min / init.anisotropy, init.scale_max * 1.2248);
                     assert!(scale > 0.999 * least && scale < 1.001 * most, "{name}: scale {scale}");
                 }
             }
@@ -134,13 +134,11 @@ fn the_count_is_exact_and_every_splat_lies_in_the_region() {
 #[test]
 fn nothing_comes_of_nothing() {
     let size = [4, 4, 4];
-    let config = FitConfig::default().init();
-    assert!(initialise(&ball(size), &region(size, |_, _, _| 0.0), 10, 0, &config).is_empty());
-    assert!(initialise(&ball(size), &region(size, |_, _, _| 1.0), 0, 0, &config).is_empty());
+    let init = Init::default();
+    assert!(initialise(&ball(size), &region(size, |_, _, _| 0.0), 10, 0, &init).is_empty());
+    assert!(initialise(&ball(size), &region(size, |_, _, _| 1.0), 0, 0, &init).is_empty());
     let empty = [0, 4, 4];
-    assert!(
-        initialise(&volume(empty, |_, _, _| 0.0), &region(empty, |_, _, _| 1.0), 3, 0, &config).is_empty()
-    );
+    assert!(initialise(&volume(empty, |_, _, _| 0.0), &region(empty, |_, _, _| 1.0), 3, 0, &init).is_empty());
 }
 
 #[test]
@@ -149,7 +147,7 @@ fn the_seed_decides_and_the_threads_do_not() {
     let (volume, roi) = (ball(size), region(size, |x, _, _| f32::from(x > 4)));
     let run = |seed, threads| {
         let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
-        pool.install(|| initialise(&volume, &roi, 700, seed, &FitConfig::default().init()))
+        pool.install(|| initialise(&volume, &roi, 700, seed, &Init::default()))
     };
     let first = run(1, 1);
     for threads in [1, 2, 5] {
@@ -170,7 +168,7 @@ fn points_keep_apart() {
     let count = 3000;
     // This is the spacing of an even density, (voxels / count)^⅓.
     let spacing = (32.0f32.powi(3) / count as f32).cbrt();
-    let blue = nearest_distances(&initialise(&volume, &roi, count, 3, &FitConfig::default().init()));
+    let blue = nearest_distances(&initialise(&volume, &roi, count, 3, &Init::default()));
     let mut rng = Pcg64::seed_from_u64(3);
     let random: Vec<Splat> = (0..count)
         .map(|_| Splat {
@@ -194,11 +192,11 @@ fn splats_gather_at_edges_and_lie_in_them() {
     let depth = |x: f64, y: f64, z: f64| normal.dot(DVec3::new(x - 20.0, y - 15.0, z - 15.0));
     let edge = volume(size, |x, y, z| 500.0 * depth(x as f64, y as f64, z as f64).tanh() as f32);
     let roi = region(size, |_, _, _| 1.0);
-    let splats = initialise(&edge, &roi, 4000, 7, &FitConfig::default().init());
+    let splats = initialise(&edge, &roi, 4000, 7, &Init::default());
     let at = |splat: &Splat| depth(splat.mean[0].into(), splat.mean[1].into(), splat.mean[2].into());
 
     let share = |splats: &[Splat]| splats.iter().filter(|s| at(s).abs() < 1.5).count() as f64 / 4000.0;
-    let uniform = InitConfig { gradient_exponent: 0.0, ..FitConfig::default().init() };
+    let uniform = Init { gradient_exponent: 0.0, ..Init::default() };
     let even = share(&initialise(&edge, &roi, 4000, 7, &uniform));
     assert!(share(&splats) > 2.5 * even, "{} at the edge, {even} of an even density", share(&splats));
 
@@ -214,7 +212,7 @@ fn splats_gather_at_edges_and_lie_in_them() {
     }
     // Far from the edge there is no direction.
     let flat = volume(size, |_, _, _| 7.0);
-    for splat in initialise(&flat, &roi, 500, 7, &FitConfig::default().init()) {
+    for splat in initialise(&flat, &roi, 500, 7, &Init::default()) {
         assert_eq!((splat.rotation, splat.intensity), ([1.0, 0.0, 0.0, 0.0], 7.0));
         assert!(splat.log_scale[0] == splat.log_scale[2]);
     }
@@ -222,32 +220,27 @@ fn splats_gather_at_edges_and_lie_in_them() {
 
 #[test]
 fn configurations_are_checked() {
-    let good = FitConfig::default().init();
-    let rows = [
-        (good, None),
-        (InitConfig { scale_max: 0.1, ..good }, Some("scale_max")),
-        (InitConfig { smoothing_sigma: f32::NAN, ..good }, Some("smoothing_sigma")),
-        (InitConfig { smoothing_sigma: 1e9, ..good }, Some("smoothing_sigma")),
-        (InitConfig { opacity: 1.5, ..good }, Some("opacity")),
-        (InitConfig { anisotropy: 0.0, ..good }, Some("anisotropy")),
-    ];
-    for (config, wrong) in rows {
+    let wrong = |change: fn(&mut Init)| {
+        let config = FitConfig::default().with(|c| change(&mut c.init));
         let message = config.check().err().map(|error| error.message).unwrap_or_default();
-        assert_eq!(message.split(' ').next(), wrong.or(Some("")), "{config:?}");
-    }
+        message.split(' ').next().map(str::to_owned).unwrap_or_default()
+    };
+    assert_eq!(wrong(|_| ()), "");
+    assert_eq!(wrong(|init| init.scale_max = 0.1), "scale_max");
+    assert_eq!(wrong(|init| init.smoothing_sigma = f32::NAN), "smoothing_sigma");
+    assert_eq!(wrong(|init| init.smoothing_sigma = 1e9), "smoothing_sigma");
+    assert_eq!(wrong(|init| init.opacity = 1.5), "opacity");
+    assert_eq!(wrong(|init| init.anisotropy = 0.0), "anisotropy");
 }
 
 #[test]
 fn every_initialiser_has_a_name_of_its_own() {
+    let usual = Init::default();
+    assert_eq!((&*usual.initialiser, &*usual.orientation), (INITIALISERS[0].name, ORIENTATIONS[0].name));
     for (index, row) in INITIALISERS.iter().enumerate() {
         assert!(INITIALISERS[..index].iter().all(|other| other.name != row.name));
         let size = [6, 6, 6];
         let roi = region(size, |_, _, _| 1.0);
-        assert_eq!(
-            (row.run)(&ball(size), &roi, 20, 0, &FitConfig::default().init()).len(),
-            20,
-            "{}",
-            row.name
-        );
+        assert_eq!((row.run)(&ball(size), &roi, 20, 0, &Init::default(), None).len(), 20, "{}", row.name);
     }
 }

@@ -48,12 +48,12 @@ fn tube(spacing_mm: DVec3) -> Volume {
 /// Returns the share of the splats at places that `near` accepts whose axis `k` in the world lies within some
 /// 14 degrees of the direction; -1 if there are too few to say.
 fn share(name: &str, volume: &Volume, k: usize, near: impl Fn(DVec3) -> bool) -> f64 {
-    let config = InitConfig {
-        orientation: ORIENTATIONS.iter().find(|row| row.name == name).expect("a row"),
+    let config = Init {
+        orientation: name.to_owned(),
         unit: ScaleUnit::Spacing,
         scale_min: 1.0,
         scale_max: 4.0,
-        ..FitConfig::default().init()
+        ..Init::default()
     };
     let roi =
         region(SIZE, |x, y, z| f32::from([x, y, z].iter().zip(SIZE).all(|(&i, n)| (5..n - 5).contains(&i))));
@@ -119,7 +119,7 @@ fn the_gradient_initialiser_flattens_or_lengthens_by_the_table() {
     let roi = region(SIZE, |_, _, _| 1.0);
     let a = 1.5f32.ln();
     for row in ORIENTATIONS {
-        let config = InitConfig { orientation: row, ..FitConfig::default().init() };
+        let config = Init { orientation: row.name.to_owned(), ..Init::default() };
         let shape = match row.name {
             "none" => [0.0; 3],
             "hessian" => [a, -0.5 * a, -0.5 * a],
@@ -149,7 +149,7 @@ fn there_is_no_direction_in_flat_volumes() {
         region(cube, |x, y, z| f32::from([x, y, z].iter().zip(cube).all(|(&i, n)| i > 2 && i + 3 < n)));
     let whole = region(cube, |_, _, _| 1.0);
     for row in ORIENTATIONS {
-        let config = InitConfig { orientation: row, smoothing_sigma: 0.0, ..FitConfig::default().init() };
+        let config = Init { orientation: row.name.to_owned(), smoothing_sigma: 0.0, ..Init::default() };
         let rotations = |volume: &Volume, roi: &Roi| -> Vec<[f32; 4]> {
             let run = super::super::uniform::initialise;
             run(volume, roi, 200, 1, &config).iter().map(|splat| splat.rotation).collect()

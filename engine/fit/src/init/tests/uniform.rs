@@ -6,8 +6,8 @@ use crate::init::uniform;
 
 const SIZE: [usize; 3] = [16, 14, 12];
 
-fn paper() -> InitConfig {
-    InitConfig { scale_min: 1.5, scale_max: 4.0, opacity: 0.1, ..FitConfig::default().init() }
+fn paper() -> Init {
+    Init { scale_min: 1.5, scale_max: 4.0, opacity: 0.1, ..Init::default() }
 }
 
 /// Returns the greatest distance between the distribution of `values` and the uniform one from `low` to
@@ -61,7 +61,6 @@ fn the_mask_is_the_probability_and_means_fill_their_voxels() {
 #[test]
 fn scales_are_uniform_in_voxels_or_in_the_mean_spacing() {
     let count = 20_000;
-    let none = ORIENTATIONS.iter().find(|row| row.name == "none").expect("a row");
     let roi = region(SIZE, |_, _, _| 1.0);
     // A slab of 0.8 × 0.8 × 2 mm; the mean is 1.2 mm.
     let mut slab = ball(SIZE);
@@ -69,8 +68,8 @@ fn scales_are_uniform_in_voxels_or_in_the_mean_spacing() {
     for (unit, factor) in
         [(ScaleUnit::Voxel, [1.0; 3]), (ScaleUnit::Spacing, [1.2 / 0.8, 1.2 / 0.8, 1.2 / 2.0])]
     {
-        let splats =
-            uniform::initialise(&slab, &roi, count, 3, &InitConfig { orientation: none, unit, ..paper() });
+        let init = Init { orientation: "none".to_owned(), unit, ..paper() };
+        let splats = uniform::initialise(&slab, &roi, count, 3, &init);
         for (k, factor) in factor.iter().enumerate() {
             let scales: Vec<f32> = splats.iter().map(|s| s.scale()[k] / factor).collect();
             assert!(scales.iter().all(|s| (1.4999..4.0001).contains(s)), "{unit:?}");
@@ -85,7 +84,7 @@ fn scales_are_uniform_in_voxels_or_in_the_mean_spacing() {
         );
     }
     // One scale for all.
-    let fixed = InitConfig { scale_min: 2.0, scale_max: 2.0, ..paper() };
+    let fixed = Init { scale_min: 2.0, scale_max: 2.0, ..paper() };
     assert!(
         uniform::initialise(&slab, &roi, 100, 3, &fixed)
             .iter()
@@ -96,14 +95,13 @@ fn scales_are_uniform_in_voxels_or_in_the_mean_spacing() {
 #[test]
 fn millimetre_splats_lie_within_the_clamp_of_the_fit() {
     use crate::FitConfig;
-    let config = FitConfig {
-        scale_unit: ScaleUnit::Spacing,
-        scale_min: 1.5,
-        scale_max: 10.0,
-        init_scale_min: 1.5,
-        init_scale_max: 10.0,
-        ..FitConfig::default()
-    };
+    let config = FitConfig::default().with(|c| {
+        c.init.unit = ScaleUnit::Spacing;
+        c.scales.min = 1.5;
+        c.scales.max = 10.0;
+        c.init.scale_min = 1.5;
+        c.init.scale_max = 10.0;
+    });
     let mut slab = ball(SIZE);
     slab.world_from_voxel = DAffine3::from_mat3(
         glam::DMat3::from_axis_angle(DVec3::new(1.0, 1.0, 0.2).normalize(), 0.7)
@@ -114,12 +112,12 @@ fn millimetre_splats_lie_within_the_clamp_of_the_fit() {
     assert!(
         (low - (1.5 * mean / 2.5) as f32).abs() < 1e-6 && (high - (10.0 * mean / 0.7) as f32).abs() < 1e-5
     );
-    let splats = uniform::initialise(&slab, &region(SIZE, |_, _, _| 1.0), 4000, 3, &config.init());
+    let splats = uniform::initialise(&slab, &region(SIZE, |_, _, _| 1.0), 4000, 3, &config.init);
     let scales = || splats.iter().flat_map(|s| s.scale());
     assert!(scales().all(|s| s > 0.9999 * low && s < 1.0001 * high));
     // Some come near both ends: the box is no wider than need be.
     assert!(scales().any(|s| s < 1.5 * low) && scales().any(|s| s > 0.7 * high));
-    let voxel = FitConfig { scale_unit: ScaleUnit::Voxel, ..config };
+    let voxel = config.with(|c| c.init.unit = ScaleUnit::Voxel);
     assert_eq!(voxel.scale_clamp(&slab), (1.5, 10.0));
 }
 
@@ -131,7 +129,7 @@ fn intensities_are_of_the_mean_or_of_the_footprint() {
         rough.samples[i] = f32::NAN;
     }
     let roi = Roi::new(vec![1.0; rough.len()], &rough).expect("a region");
-    let run = |footprint| uniform::initialise(&rough, &roi, 3000, 5, &InitConfig { footprint, ..paper() });
+    let run = |footprint| uniform::initialise(&rough, &roi, 3000, 5, &Init { footprint, ..paper() });
     let (at_mean, wide, some) = (run(0.0), run(0.01), run(2.6));
     let (mut near, mut averaged) = (0, 0);
     for ((at_mean, wide), some) in at_mean.iter().zip(&wide).zip(&some) {
@@ -166,7 +164,7 @@ fn intensities_are_of_the_mean_or_of_the_footprint() {
     }
     assert!(near > 2900 && (1000..2000).contains(&averaged), "{near}, {averaged}");
     // A splat between all voxel centres has no footprint.
-    let tiny = InitConfig { scale_min: 0.05, scale_max: 0.06, footprint: 0.01, ..paper() };
+    let tiny = Init { scale_min: 0.05, scale_max: 0.06, footprint: 0.01, ..paper() };
     let ball = ball(size);
     for splat in uniform::initialise(&ball, &region(size, |_, _, _| 1.0), 200, 5, &tiny) {
         let centre = density::trilinear(&ball.samples, size, splat.mean);
@@ -179,7 +177,8 @@ fn the_seed_decides_and_the_threads_do_not() {
     let roi = region(SIZE, |x, _, _| x as f32 / 15.0);
     let volume = ball(SIZE);
     for orientation in ORIENTATIONS {
-        let config = InitConfig { orientation, unit: ScaleUnit::Spacing, footprint: 2.0, ..paper() };
+        let orientation = orientation.name.to_owned();
+        let config = Init { orientation, unit: ScaleUnit::Spacing, footprint: 2.0, ..paper() };
         let run = |seed, threads| {
             let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().expect("threads");
             pool.install(|| uniform::initialise(&volume, &roi, 700, seed, &config))
@@ -188,7 +187,7 @@ fn the_seed_decides_and_the_threads_do_not() {
         for threads in [2, 5] {
             let again = run(1, threads);
             let bits = |splats: &[Splat]| bytemuck::cast_slice::<_, u32>(splats).to_vec();
-            assert_eq!(bits(&first), bits(&again), "{}, {threads} threads", orientation.name);
+            assert_eq!(bits(&first), bits(&again), "{}, {threads} threads", config.orientation);
         }
         assert_ne!(first, run(2, 1));
     }
@@ -199,7 +198,8 @@ fn the_count_is_exact_however_small_the_region() {
     let one = region(SIZE, |x, y, z| 0.25 * f32::from(x == 3 && y == 13 && z == 0));
     for unit in [ScaleUnit::Voxel, ScaleUnit::Spacing] {
         for orientation in ORIENTATIONS {
-            let config = InitConfig { orientation, unit, ..paper() };
+            let orientation = orientation.name.to_owned();
+            let config = Init { orientation, unit, ..paper() };
             for count in [0, 1, 7, 1000] {
                 let splats = uniform::initialise(&ball(SIZE), &one, count, 0, &config);
                 assert_eq!(splats.len(), count);

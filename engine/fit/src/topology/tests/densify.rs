@@ -60,7 +60,7 @@ fn children_are_drawn_from_the_gaussian_of_their_parent() {
     parent.set_scale([3.0, 1.0, 0.6]);
     parent.rotation = splat::activation::normalised([0.8, -0.3, 0.5, 0.1]);
     let count = 6000;
-    let mut world = World::new(vec![parent], FitConfig { topology_percentile: 0.0, ..open() }, 1.0);
+    let mut world = World::new(vec![parent], open().with(|c| c.topology.percentile = 0.0), 1.0);
     world.splats = vec![parent; count + 1];
     world.limit = 3 * count;
     world.norms = vec![1.0; count + 1];
@@ -95,7 +95,7 @@ fn the_largest_gradients_win_and_then_the_first_splats() {
         world.norms[i] = norm;
     }
     for (share, expected) in [(0.05, vec![4]), (0.2, vec![3, 4, 8, 19]), (1.0, vec![3, 4, 8, 11, 19])] {
-        world.config.topology_share = share;
+        world.config.topology.share = share;
         let change = densify(&world.scene(), &mut random());
         let new: Vec<i32> = change.splats[20..].iter().map(|s| s.intensity as i32).collect();
         assert_eq!(new, expected, "share {share}");
@@ -104,7 +104,7 @@ fn the_largest_gradients_win_and_then_the_first_splats() {
 
 #[test]
 fn transparent_splats_go_but_never_all() {
-    let mut world = World::new(crowd(6, 3), FitConfig { topology_prune_opacity: 0.01, ..open() }, 1.0);
+    let mut world = World::new(crowd(6, 3), open().with(|c| c.topology.prune_opacity = 0.01), 1.0);
     let with = |opacities: [f32; 6], world: &mut World| {
         for (s, opacity) in world.splats.iter_mut().zip(opacities) {
             s.set_opacity(opacity);
@@ -129,9 +129,12 @@ fn holes_are_found_and_filled() {
     let mut left = crowd(60, 5);
     left.retain(|s| s.mean[0] < 12.0);
     left.iter_mut().for_each(|s| s.set_scale([1.5; 3]));
-    let config = FitConfig { topology_hole_weight: 0.05, init_opacity: 0.3, ..open() };
+    let config = open().with(|c| {
+        c.topology.hole_weight = 0.05;
+        c.init.opacity = 0.3;
+    });
     let mut world = World::new(left, config, 1.0);
-    world.config.topology_share = 0.5;
+    world.config.topology.share = 0.5;
     let is_hole = |world: &World, i: usize| world.samples[i].weight < 0.05;
     let count_holes = |world: &World| world.roi_indices().into_iter().filter(|&i| is_hole(world, i)).count();
     let before = count_holes(&world);
@@ -167,7 +170,10 @@ fn holes_are_found_and_filled() {
 
 #[test]
 fn holes_and_refinement_share_what_may_be_added() {
-    let config = FitConfig { topology_hole_weight: 1e9, topology_share: 0.2, ..open() };
+    let config = open().with(|c| {
+        c.topology.hole_weight = 1e9;
+        c.topology.share = 0.2;
+    });
     let mut world = World::new(vec![splat([15.0, 12.0, 11.0], 1.0, 0.5); 50], config, 1.0);
     // Number of splats with a gradient, and of holes that the 10 new ones fill.
     for (refined, filled) in [(0, 10), (3, 7), (5, 5), (20, 5)] {
@@ -180,7 +186,7 @@ fn holes_and_refinement_share_what_may_be_added() {
 
 #[test]
 fn a_soft_mask_is_the_probability_of_a_hole() {
-    let config = FitConfig { topology_hole_weight: 1.0, ..open() };
+    let config = open().with(|c| c.topology.hole_weight = 1.0);
     let mut world = World::new(vec![splat([15.0, 12.0, 11.0], 0.5, 1e-3); 1], config, 0.2);
     assert!(world.roi.soft);
     world.splats = vec![world.splats[0]; 4000];

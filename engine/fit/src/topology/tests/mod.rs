@@ -55,7 +55,7 @@ impl World {
             scaling: Scaling::new(&volume, &roi, &config),
             norms: vec![0.0; splats.len()],
             limit: 1000 * splats.len(),
-            scale_range: (config.scale_min, config.scale_max),
+            scale_range: (config.scales.min, config.scales.max),
             share: 0.0,
             samples: Vec::new(),
             volume,
@@ -156,7 +156,10 @@ fn bits(splats: &[Splat]) -> &[u32] {
 
 /// Returns a configuration in which densify may do everything in one change, and finds no holes.
 fn open() -> FitConfig {
-    FitConfig { topology_share: 1.0, topology_hole_weight: 0.0, ..FitConfig::default() }
+    FitConfig::default().with(|c| {
+        c.topology.share = 1.0;
+        c.topology.hole_weight = 0.0;
+    })
 }
 
 /// Asserts that each row says which old splat it is or that it is new, and that old ones are as they were.
@@ -178,7 +181,7 @@ fn rows_have_names_of_their_own_and_the_first_does_nothing() {
     assert!(TOPOLOGIES[0].change.is_none());
     for (index, row) in TOPOLOGIES.iter().enumerate() {
         assert!(TOPOLOGIES[..index].iter().all(|other| other.name != row.name));
-        let config = FitConfig { topology: row.name.to_owned(), ..FitConfig::default() };
+        let config = FitConfig::default().with(|c| c.topology.name = row.name.to_owned());
         config.check().expect("a row is a value of the key");
     }
 }
@@ -192,7 +195,10 @@ fn share_and_limit_are_respected() {
             for (name, change) in
                 [("densify", densify as fn(&Scene, &mut Pcg64) -> Change), ("growth", growth)]
             {
-                let config = FitConfig { topology_hole_weight: hole_weight, topology_share: share, ..open() };
+                let config = open().with(|c| {
+                    c.topology.hole_weight = hole_weight;
+                    c.topology.share = share;
+                });
                 let mut world = World::new(crowd(20, 4), config, 1.0);
                 world.splats[..transparent].iter_mut().for_each(|s| s.set_opacity(1e-6));
                 world.norms = (0..20).map(|i| i as f32).collect();
@@ -259,8 +265,8 @@ fn new_splats_stay_within_the_clamps() {
     let mut world = World::new(crowd(30, 12), open(), 1.0);
     world.scale_range = (1.5, 2.5);
     world.config.logit_max = 1.0;
-    world.config.init_opacity = 0.99;
-    world.config.topology_hole_weight = 1e9;
+    world.config.init.opacity = 0.99;
+    world.config.topology.hole_weight = 1e9;
     world.norms = (0..30).map(|i| i as f32).collect();
     world.splats[29].mean = [0.0, 25.0, 0.0];
     world.splats[29].set_scale([10.0; 3]);
@@ -285,7 +291,10 @@ fn new_splats_stay_within_the_clamps() {
 
 #[test]
 fn the_random_numbers_decide_and_the_threads_do_not() {
-    let config = FitConfig { topology_share: 0.3, topology_hole_weight: 0.2, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| {
+        c.topology.share = 0.3;
+        c.topology.hole_weight = 0.2;
+    });
     let mut world = World::new(crowd(60, 13), config, 1.0);
     world.norms = (0..60).map(|i| ((i * 37) % 60) as f32).collect();
     for row in TOPOLOGIES {

@@ -40,7 +40,7 @@ fn residuals_are_smoothed_within_the_region_and_across_bricks() {
 
 #[test]
 fn growth_adds_at_the_worst_voxels_and_apart() {
-    let config = FitConfig { topology_share: 0.5, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| c.topology.share = 0.5);
     let mut world = World::new(crowd(60, 8), config, 1.0);
     world.share = 0.49;
     let change = growth(&world.scene(), &mut random());
@@ -118,7 +118,7 @@ fn scores_are_those_of_the_full_sum() {
 
 #[test]
 fn idle_splats_move_to_the_worst_voxels() {
-    let config = FitConfig { topology_share: 0.1, ..FitConfig::default() };
+    let config = FitConfig::default().with(|c| c.topology.share = 0.1);
     let mut world = World::new(crowd(50, 10), config, 1.0);
     // All in the region, but for idle ones: far outside or transparent.
     for (i, s) in world.splats.iter_mut().enumerate() {

@@ -48,14 +48,13 @@ pub fn fitted_again(arguments: &ConvertArguments, set: &SplatSet, volume: &Path)
             .into());
     }
     warn_of_another_volume(set, &case.volume, volume);
-    let config = FitConfig {
-        kernel: set.field.kernel,
-        epsilon: set.field.epsilon,
-        occupancy_w0: set.field.occupancy_w0,
-        between_slices,
-        form: if set.form == Form::Field { FitForm::Field } else { FitForm::Grid },
-        ..FitConfig::default()
-    };
+    let config = FitConfig::default().with(|c| {
+        c.kernel = set.field.kernel;
+        c.epsilon = set.field.epsilon;
+        c.loss.occupancy_w0 = set.field.occupancy_w0;
+        c.samples.between_slices = between_slices;
+        c.samples.form = if set.form == Form::Field { FitForm::Field } else { FitForm::Grid };
+    });
     let problem = Problem::new(&case.volume, &case.roi, &config)?;
     let gpu = arguments.device.boot()?;
     let waiting = Waiting::on("fitting the rounded splats again");

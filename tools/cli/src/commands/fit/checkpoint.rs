@@ -322,7 +322,10 @@ mod tests {
     fn another_configuration_is_told_by_its_key() {
         let a = FitConfig::default();
         assert!(differences(&a, &a).is_empty());
-        let b = FitConfig { rate_mean: 0.3, shell: 5, ..a.clone() };
+        let b = a.clone().with(|c| {
+            c.rates.mean = 0.3;
+            c.loss.shell = 5;
+        });
         let text = |(key, was, is): &(&str, Value, Value)| format!("{key} {was} {is}");
         let all: Vec<_> = differences(&a, &b).iter().map(text).collect();
         assert_eq!(all, ["shell 4 5", "rate_mean 0.2 0.3"]);

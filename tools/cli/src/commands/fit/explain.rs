@@ -113,7 +113,7 @@ pub fn estimate(plan: &Trying<'_>) -> Result<Estimate> {
     Ok(Estimate {
         device: gpu.description().name.clone(),
         splats: first.len(),
-        may_grow: problem.config().topology()?.change.is_some() && problem.config().topology_limit > 1.0,
+        may_grow: problem.config().topology()?.change.is_some() && problem.config().topology.limit > 1.0,
         roi_voxels: case.roi.voxel_count(),
         iterations,
         seconds: rates.total(iterations, looks),
@@ -167,7 +167,8 @@ fn errors(plan: &Trying<'_>, early: &[Splat]) -> Result<VoxelErrors> {
         early
     };
     let range = protocol.as_ref().map_or_else(|| case.full_range(), |p| p.range);
-    let protocol = Protocol { offsets: Vec::new(), range, shell: problem.config().shell, threshold: 0.0 };
+    let protocol =
+        Protocol { offsets: Vec::new(), range, shell: problem.config().loss.shell, threshold: 0.0 };
     let found = evaluate::evaluate(plan.gpu, splats, &problem.field(), &case.volume, &case.roi, &protocol)?;
     Ok(VoxelErrors { rmse_hu: found.on_grid.rmse_hu, p99_hu: found.on_grid.p99_hu })
 }

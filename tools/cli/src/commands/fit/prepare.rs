@@ -169,11 +169,11 @@ fn warn_of_kernel(write: &WriteOptions, config: &FitConfig) {
 /// Returns the protocol of the closing evaluation.
 fn protocol(arguments: &FitArguments, config: &FitConfig, case: &Case) -> Result<Protocol> {
     // A fit over the region's range is measured over it, too.
-    let range = arguments.eval_range.or((config.range == IntensityRange::Roi).then_some(Range::Roi));
+    let range = arguments.eval_range.or((config.region.range == IntensityRange::Roi).then_some(Range::Roi));
     Ok(Protocol {
         offsets: evaluate::random_offsets(arguments.eval_offsets as usize, EVAL_SEED),
         range: case.range(range)?,
-        shell: config.shell,
-        threshold: unweighted(range).max(config.region_threshold),
+        shell: config.loss.shell,
+        threshold: unweighted(range).max(config.region.threshold),
     })
 }

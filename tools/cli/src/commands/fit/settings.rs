@@ -189,8 +189,8 @@ mod tests {
         ])
         .unwrap();
         let c = &settings.config;
-        assert_eq!((c.iterations, c.rate_mean, c.hu_range), (7, 1.0, [-1024.0, 3071.5]));
-        assert_eq!((c.kernel.name(), c.adam_epsilon), ("gaussian", 1e-12));
+        assert_eq!((c.iterations, c.rates.mean, c.region.hu_range), (7, 1.0, [-1024.0, 3071.5]));
+        assert_eq!((c.kernel.name(), c.adam.epsilon), ("gaussian", 1e-12));
         assert!(settings.is_explicit("kernel") && !settings.is_explicit("seed"));
     }
 

@@ -359,12 +359,11 @@ impl Config {
     /// Returns the configuration of the fit of a subject that is no file.
     pub fn fit(&self, subject: &Subject) -> Result<FitConfig> {
         let profile = Profile::named(&self.case_of(subject)?.profile)?.config()?;
-        let config = FitConfig {
-            iterations: self.iterations.unwrap_or(profile.iterations),
-            splats: subject.splats.unwrap_or(0),
-            density: subject.density.unwrap_or(profile.density),
-            ..profile
-        };
+        let config = profile.with(|c| {
+            c.iterations = self.iterations.unwrap_or(c.iterations);
+            c.count.splats = subject.splats.unwrap_or(0);
+            c.count.density = subject.density.unwrap_or(c.count.density);
+        });
         config.check()?;
         Ok(config)
     }
@@ -392,7 +391,7 @@ impl Config {
                 format!("case {:?}: a phantom has an edge of 8 to 512 voxels", case.name)
             })?;
             let profile = Profile::named(&case.profile)?.config()?;
-            require(profile.working_grid == 1, || {
+            require(profile.samples.working_grid == 1, || {
                 format!(
                     "case {:?}: profile {:?} fits on a coarser grid, which is not done here",
                     case.name, case.profile
@@ -552,7 +551,7 @@ mod tests {
         }
         let subject = &quick.parts[&Section::EndToEnd].subjects[0];
         let fit = quick.fit(subject).expect("a fit");
-        assert_eq!((fit.iterations, fit.density, fit.splats), (QUICK_ITERATIONS, 0.1, 0));
+        assert_eq!((fit.iterations, fit.count.density, fit.count.splats), (QUICK_ITERATIONS, 0.1, 0));
     }
 
     /// A change of the default, and what the message must name.

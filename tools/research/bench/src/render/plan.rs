@@ -63,8 +63,8 @@ impl Unit {
     pub fn amount(&self) -> String {
         let amount = match &self.source {
             Source::File(..) => "file".into(),
-            Source::Fit(config) if config.splats > 0 => config.splats.to_string(),
-            Source::Fit(config) => format!("{} a voxel", config.density),
+            Source::Fit(config) if config.count.splats > 0 => config.count.splats.to_string(),
+            Source::Fit(config) => format!("{} a voxel", config.count.density),
         };
         if self.coloured { amount + " coloured" } else { amount }
     }

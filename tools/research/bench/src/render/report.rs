@@ -291,7 +291,7 @@ fn subject(unit: &Unit, record: &Record) -> String {
 /// Returns the number of splats that was asked for; `None` if it was a density or a file.
 fn count(unit: &Unit) -> Option<usize> {
     match &unit.source {
-        Source::Fit(config) if config.splats > 0 => Some(config.splats),
+        Source::Fit(config) if config.count.splats > 0 => Some(config.count.splats),
         _ => None,
     }
 }

@@ -207,7 +207,11 @@ impl<'a> Library<'a> {
     fn path(&self, case: &Case, config: &FitConfig) -> PathBuf {
         let name: String =
             case.name.chars().map(|c| if c.is_ascii_alphanumeric() { c } else { '-' }).collect();
-        let amount = if config.splats > 0 { config.splats.to_string() } else { config.density.to_string() };
+        let amount = if config.count.splats > 0 {
+            config.count.splats.to_string()
+        } else {
+            config.count.density.to_string()
+        };
         // The name of a case is not part of its contents.
         let content = (&case.folder, &case.volume, &case.mask, case.phantom, config);
         self.splats.join(format!("{name}-{amount}-{}.ply", hash(&content)))

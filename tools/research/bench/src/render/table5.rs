@@ -145,8 +145,12 @@ impl Table5Row {
                     (Method::Standard(n), Source::File(..)) => {
                         read.is_none_or(|record| record.splats == n * 1000)
                     }
-                    (Method::Standard(n), Source::Fit(config)) => unit.coloured && config.splats == n * 1000,
-                    (Method::Ours(n), Source::Fit(config)) => !unit.coloured && config.splats == n * 1000,
+                    (Method::Standard(n), Source::Fit(config)) => {
+                        unit.coloured && config.count.splats == n * 1000
+                    }
+                    (Method::Ours(n), Source::Fit(config)) => {
+                        !unit.coloured && config.count.splats == n * 1000
+                    }
                     (Method::Ours(n), Source::File(..)) => {
                         read.is_some_and(|record| !record.of_colours && record.splats == n * 1000)
                     }

@@ -20,11 +20,12 @@ pub fn estimate(job: &Job, place: &Place) -> f64 {
         Kernel::Compact => place.voxels * SAMPLES_A_VOXEL + splats as f64 * SMALL_SPLAT,
         _ => splats as f64 * SAMPLES_A_SPLAT * place.aspect,
     };
-    let moving = if c.subset > 0 { c.subset } else { c.splats };
-    let rasterized = if c.subset_alone { moving } else { c.splats };
+    let moving = if c.subset.size > 0 { c.subset.size } else { c.count.splats };
+    let rasterized = if c.subset.alone { moving } else { c.count.splats };
     let step =
         (evaluations(rasterized) + evaluations(moving)) / EVALUATIONS_A_SECOND + place.bricks as f64 * BRICK;
-    let measurement = evaluations(c.splats) / EVALUATIONS_A_SECOND + place.bricks as f64 * 512.0 * COMPARED;
+    let measurement =
+        evaluations(c.count.splats) / EVALUATIONS_A_SECOND + place.bricks as f64 * 512.0 * COMPARED;
     let measurements = c.iterations / job.measure_every + 2 + job.held_out as u32;
     f64::from(c.iterations) * step + f64::from(measurements) * measurement + 1.0
 }
@@ -41,7 +42,7 @@ mod tests {
         let with = |subset: usize, alone: bool| {
             let mut job = job(10_000);
             job.config.kernel = Kernel::Gaussian;
-            (job.config.subset, job.config.subset_alone) = (subset, alone);
+            (job.config.subset.size, job.config.subset.alone) = (subset, alone);
             estimate(&job, &place)
         };
         assert!(with(100, true) < with(100, false) && with(100, false) < with(0, true));

@@ -54,7 +54,7 @@ impl Job {
     /// Returns the name of the result's file without its extension: a readable part, then a hash of all
     /// fields.
     pub fn key(&self) -> String {
-        format!("{}-{}-{}-{}-{}", self.folder, self.mask, self.config.splats, self.profile, hash(self))
+        format!("{}-{}-{}-{}-{}", self.folder, self.mask, self.config.count.splats, self.profile, hash(self))
     }
 
     /// Returns an error that names the job if its configuration cannot run.
@@ -67,14 +67,14 @@ impl Job {
 
     /// Returns a short title for people.
     pub fn title(&self) -> String {
-        let subset = match (self.config.subset, self.config.subset_alone) {
+        let subset = match (self.config.subset.size, self.config.subset.alone) {
             (0, _) => String::new(),
             (n, true) => format!(", subset {n} alone"),
             (n, false) => format!(", subset {n}"),
         };
         format!(
             "{} {}: {} splats, --profile {}{subset}, {} iterations",
-            self.folder, self.mask, self.config.splats, self.profile, self.config.iterations
+            self.folder, self.mask, self.config.count.splats, self.profile, self.config.iterations
         )
     }
 }
@@ -89,7 +89,10 @@ pub mod tests {
             folder: "ct-none".into(),
             mask: "mask_none".into(),
             profile: "default".into(),
-            config: FitConfig { splats, iterations: 7, ..FitConfig::default() },
+            config: FitConfig::default().with(|c| {
+                c.count.splats = splats;
+                c.iterations = 7;
+            }),
             range: Range::MinMax,
             held_out: 2,
             measure_every: 3,
@@ -125,7 +128,7 @@ pub mod tests {
     #[test]
     fn a_configuration_that_cannot_run_names_its_job() {
         let mut bad = job(5);
-        bad.config.offsets = 0;
+        bad.config.samples.offsets = 0;
         assert!(bad.check().is_err_and(|e| e.message.contains("offsets") && e.message.contains(&bad.key())));
     }
 }

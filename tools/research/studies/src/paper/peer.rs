@@ -31,13 +31,13 @@ impl Peer {
 
 /// Lets the fit learn intensities and opacities.
 pub fn learned(config: &mut FitConfig) {
-    config.learn_intensity = true;
-    config.learn_opacity = true;
+    config.rates.learn_intensity = true;
+    config.rates.learn_opacity = true;
 }
 
 fn learned_with_mask(config: &mut FitConfig) {
     learned(config);
-    config.mask_weight = 1.0;
+    config.loss.mask_weight = 1.0;
 }
 
 /// Every run whose figures are known. Iteration 0 is the start of each.
@@ -52,7 +52,7 @@ pub const PEERS: &[Peer] = &[
         what: "sampled, 35 a step",
         splats: 2205,
         points: &[(0, 22.66), (100, 22.59), (300, 22.39), (1000, 21.87)],
-        change: |c| c.subset = 35,
+        change: |c| c.subset.size = 35,
     },
     Peer {
         what: "learned, all",
@@ -70,7 +70,7 @@ pub const PEERS: &[Peer] = &[
         what: "sampled, 88 a step",
         splats: 5511,
         points: &[(0, 22.93), (100, 22.85), (300, 22.67), (600, 22.42)],
-        change: |c| c.subset = 88,
+        change: |c| c.subset.size = 88,
     },
     Peer { what: "sampled, all", splats: 5511, points: &[(0, 22.93), (100, 24.66)], change: |_| {} },
     Peer { what: "learned, all", splats: 5511, points: &[(0, 22.93), (100, 25.84)], change: learned },
@@ -93,68 +93,74 @@ pub const DIFFERENCES: &[Difference] = &[
     Difference { what: "as it is: all learned, every splat in every step", change: |_| {} },
     Difference {
         what: "intensities over -1024..3071 HU in the loss, not over the region's range",
-        change: |c| c.hu_range = [-1024.0, 3071.0],
+        change: |c| c.region.hu_range = [-1024.0, 3071.0],
     },
     Difference {
         what: "rate of the means 1e-4 voxel (here 1/121 of the edge's), not 1e-4 of the edge",
-        change: |c| c.rate_mean = 1e-4 / 121.0,
+        change: |c| c.rates.mean = 1e-4 / 121.0,
     },
     Difference {
         what: "that rate decays as the paper says",
-        change: |c| (c.rate_mean_decay, c.rate_mean_decay_iterations) = (0.016, 20_000),
+        change: |c| (c.rates.mean_decay, c.rates.mean_decay_iterations) = (0.016, 20_000),
     },
     Difference { what: "Gaussian cut at 3 σ, without the gate", change: |c| c.kernel = Kernel::Gaussian },
     Difference {
         what: "intensities unclamped, at 2.5e-3 a step",
-        change: |c| (c.clamp_intensity, c.rate_intensity) = (false, 2.5e-3),
+        change: |c| (c.rates.clamp_intensity, c.rates.intensity) = (false, 2.5e-3),
     },
     Difference {
         what: "first opacity 0.1, not the mask",
-        change: |c| (c.init_opacity_mask, c.init_opacity) = (false, 0.1),
+        change: |c| (c.init.opacity_mask, c.init.opacity) = (false, 0.1),
     },
     Difference {
         what: "leak: mean over a shell of 4 voxels, first power",
-        change: |c| (c.leak_volume, c.leak_power, c.shell) = (false, 1, 4),
+        change: |c| (c.loss.leak_volume, c.loss.leak_power, c.loss.shell) = (false, 1, 4),
     },
-    Difference { what: "no leak", change: |c| c.leak_weight = 0.0 },
+    Difference { what: "no leak", change: |c| c.loss.leak_weight = 0.0 },
     Difference {
         what: "Dice over region and shell of 4, no smoothing",
-        change: |c| (c.region_threshold, c.dice_smoothing, c.shell) = (0.0, 0.0, 4),
+        change: |c| (c.region.threshold, c.loss.dice_smoothing, c.loss.shell) = (0.0, 0.0, 4),
     },
-    Difference { what: "three draws of scale", change: |c| c.initialiser = "uniform".to_owned() },
+    Difference { what: "three draws of scale", change: |c| c.init.initialiser = "uniform".to_owned() },
     Difference {
         what: "scales in mean voxel spacings (mm), not in the unit cube",
         change: |c| {
-            c.scale_unit = ScaleUnit::Spacing;
-            c.rate_mean = 0.0121;
-            c.scale_weight = 0.0;
+            c.init.unit = ScaleUnit::Spacing;
+            c.rates.mean = 0.0121;
+            c.loss.scale_weight = 0.0;
         },
     },
-    Difference { what: "no limit of 1.5 times the first scale", change: |c| c.scale_growth = 0.0 },
-    Difference { what: "no term of the scales", change: |c| c.scale_weight = 0.0 },
-    Difference { what: "background: the mean of the region", change: |c| c.background = Background::Mean },
-    Difference { what: "weight of the mask 1, not 0.2", change: |c| c.mask_weight = 1.0 },
-    Difference { what: "mask: Tversky's loss", change: |c| c.mask_loss = "tversky".to_owned() },
-    Difference { what: "mask: squared error", change: |c| c.mask_loss = "mse".to_owned() },
-    Difference { what: "mask: divergence", change: |c| c.mask_loss = "kl".to_owned() },
-    Difference { what: "intensity: Dice", change: |c| c.intensity_loss = "dice".to_owned() },
-    Difference { what: "intensity: Tversky's loss", change: |c| c.intensity_loss = "tversky".to_owned() },
-    Difference { what: "intensity: divergence", change: |c| c.intensity_loss = "kl".to_owned() },
-    Difference { what: "intensity sampled at the end, not learned", change: |c| c.learn_intensity = false },
-    Difference { what: "opacity sampled at the end, not learned", change: |c| c.learn_opacity = false },
-    Difference { what: "35 of 2205 splats a step, dense Adam", change: |c| c.subset = 35 },
+    Difference { what: "no limit of 1.5 times the first scale", change: |c| c.scales.growth = 0.0 },
+    Difference { what: "no term of the scales", change: |c| c.loss.scale_weight = 0.0 },
+    Difference {
+        what: "background: the mean of the region",
+        change: |c| c.region.background = Background::Mean,
+    },
+    Difference { what: "weight of the mask 1, not 0.2", change: |c| c.loss.mask_weight = 1.0 },
+    Difference { what: "mask: Tversky's loss", change: |c| c.loss.mask = "tversky".to_owned() },
+    Difference { what: "mask: squared error", change: |c| c.loss.mask = "mse".to_owned() },
+    Difference { what: "mask: divergence", change: |c| c.loss.mask = "kl".to_owned() },
+    Difference { what: "intensity: Dice", change: |c| c.loss.intensity = "dice".to_owned() },
+    Difference { what: "intensity: Tversky's loss", change: |c| c.loss.intensity = "tversky".to_owned() },
+    Difference { what: "intensity: divergence", change: |c| c.loss.intensity = "kl".to_owned() },
+    Difference {
+        what: "intensity sampled at the end, not learned",
+        change: |c| c.rates.learn_intensity = false,
+    },
+    Difference { what: "opacity sampled at the end, not learned", change: |c| c.rates.learn_opacity = false },
+    Difference { what: "35 of 2205 splats a step, dense Adam", change: |c| c.subset.size = 35 },
     Difference {
         what: "35 of 2205 splats a step, moments of the block alone",
-        change: |c| (c.subset, c.subset_dense) = (35, false),
+        change: |c| (c.subset.size, c.subset.dense) = (35, false),
     },
     Difference {
         what: "their densification, every 50 iterations from 50",
-        change: |c| (c.topology, c.topology_from) = ("reference".to_owned(), 50),
+        change: |c| (c.topology.name, c.topology.from) = ("reference".to_owned(), 50),
     },
     Difference {
         what: "the paper's densification, every 50 iterations from 50, up to 1.9 times",
         change: |c| {
-            (c.topology, c.topology_from, c.topology_limit) = ("densify".to_owned(), 50, 1.9);
+            (c.topology.name, c.topology.from, c.topology.limit) = ("densify".to_owned(), 50, 1.9);
         },
     },
 ];

@@ -197,14 +197,13 @@ impl Planner<'_> {
     /// number of splats at the end as the limit.
     fn paper_row(&self, case: usize, splats: Count, subset: Count, training: &Training) -> Result<Job> {
         let profile = Profile::named("paper")?;
-        let config = FitConfig {
-            splats: splats.ours,
-            subset: subset.ours,
-            subset_alone: true,
-            topology_limit: (training.end as f64 / training.start as f64) as f32,
-            iterations: self.effort.paper_iterations,
-            ..profile.config()?
-        };
+        let config = profile.config()?.with(|c| {
+            c.count.splats = splats.ours;
+            c.subset.size = subset.ours;
+            c.subset.alone = true;
+            c.topology.limit = (training.end as f64 / training.start as f64) as f32;
+            c.iterations = self.effort.paper_iterations;
+        });
         let job = self.job(CASES[case].folder, CASES[case].file, profile, config, Range::MinMax);
         Ok(Job { measure_every: MEASURE_BATCHES_EVERY, ..job })
     }
@@ -213,12 +212,11 @@ impl Planner<'_> {
     /// splats.
     fn reference_row(&self, case: usize, splats: Count, subset: Count) -> Result<Job> {
         let profile = Profile::named("reference")?;
-        let config = FitConfig {
-            splats: splats.ours,
-            subset: subset.ours,
-            iterations: self.effort.paper_iterations,
-            ..profile.config()?
-        };
+        let config = profile.config()?.with(|c| {
+            c.count.splats = splats.ours;
+            c.subset.size = subset.ours;
+            c.iterations = self.effort.paper_iterations;
+        });
         let job = self.job(CASES[case].folder, CASES[case].file, profile, config, Range::Roi);
         Ok(Job { measure_every: MEASURE_BATCHES_EVERY, ..job })
     }
@@ -227,7 +225,10 @@ impl Planner<'_> {
     /// region.
     fn peer(&mut self, splats: usize, iterations: u32) -> Result<Job> {
         let profile = Profile::named("reference")?;
-        let config = FitConfig { splats, iterations, ..profile.config()? };
+        let config = profile.config()?.with(|c| {
+            c.count.splats = splats;
+            c.iterations = iterations;
+        });
         Ok(self.job(SWEEPS[0].folder, SWEEPS[0].mask, profile, config, Range::Roi))
     }
 
@@ -257,11 +258,10 @@ impl Planner<'_> {
 
     fn default_row(&self, case: usize, splats: Count) -> Result<Job> {
         let profile = Profile::named("default")?;
-        let config = FitConfig {
-            splats: splats.ours,
-            iterations: self.effort.default_iterations,
-            ..profile.config()?
-        };
+        let config = profile.config()?.with(|c| {
+            c.count.splats = splats.ours;
+            c.iterations = self.effort.default_iterations;
+        });
         Ok(self.job(CASES[case].folder, CASES[case].file, profile, config, Range::MinMax))
     }
 
@@ -303,18 +303,18 @@ impl Planner<'_> {
                     ours: ours.clone(),
                 };
                 for job in [&mut row.paper, &mut row.reference] {
-                    job.config.mask_weight = loss.mask;
-                    job.config.mse_weight = loss.ct;
+                    job.config.loss.mask_weight = loss.mask;
+                    job.config.loss.mse_weight = loss.ct;
                 }
                 match (loss.mask > 0.0, loss.ct > 0.0) {
                     (true, true) => row.what = "intensity and occupancy",
                     (false, _) => {
                         row.what = "intensity alone";
-                        row.ours.config.occupancy_weight = 0.0;
+                        row.ours.config.loss.occupancy_weight = 0.0;
                     }
                     (true, false) => {
                         row.what = "occupancy alone";
-                        row.ours.config.mse_weight = 0.0;
+                        row.ours.config.loss.mse_weight = 0.0;
                     }
                 }
                 row
@@ -326,13 +326,13 @@ impl Planner<'_> {
     /// the prototype was run.
     fn full_batch(&mut self, folder: &str, mask: &str, density: f64, iterations: u32) -> Result<Job> {
         let profile = Profile::named("paper")?;
-        let config = FitConfig {
-            splats: self.count(folder, mask, density)?,
-            subset: 0,
-            topology: "none".into(),
-            iterations,
-            ..profile.config()?
-        };
+        let splats = self.count(folder, mask, density)?;
+        let config = profile.config()?.with(|c| {
+            c.count.splats = splats;
+            c.subset.size = 0;
+            c.topology.name = "none".into();
+            c.iterations = iterations;
+        });
         Ok(self.job(folder, mask, profile, config, Range::Hu))
     }
 
@@ -347,11 +347,10 @@ impl Planner<'_> {
                 let iterations = known.iterations.min(self.effort.sweep_iterations);
                 let paper = self.full_batch(sweep.folder, sweep.mask, known.density, iterations)?;
                 let profile = Profile::named("default")?;
-                let config = FitConfig {
-                    splats: paper.config.splats,
-                    iterations: self.effort.default_iterations,
-                    ..profile.config()?
-                };
+                let config = profile.config()?.with(|c| {
+                    c.count.splats = paper.config.count.splats;
+                    c.iterations = self.effort.default_iterations;
+                });
                 let ours = self.job(sweep.folder, sweep.mask, profile, config, Range::Hu);
                 rows.push(SweepRow { known, paper, ours });
             }
@@ -379,18 +378,18 @@ impl Planner<'_> {
 }
 
 fn vary(config: &mut FitConfig, variant: Variant) {
-    let subset = ((config.splats as f64 * SUBSET_SHARE).round() as usize).max(1);
+    let subset = ((config.count.splats as f64 * SUBSET_SHARE).round() as usize).max(1);
     match variant {
         Variant::FullBatch => {}
-        Variant::SubsetAlone => (config.subset, config.subset_alone) = (subset, true),
-        Variant::SubsetOfAll => (config.subset, config.subset_alone) = (subset, false),
-        Variant::Sampled => config.learn_intensity = false,
+        Variant::SubsetAlone => (config.subset.size, config.subset.alone) = (subset, true),
+        Variant::SubsetOfAll => (config.subset.size, config.subset.alone) = (subset, false),
+        Variant::Sampled => config.rates.learn_intensity = false,
         Variant::DensityKernel => config.kernel = Kernel::Density,
-        Variant::NoMask => config.mask_weight = 0.0,
+        Variant::NoMask => config.loss.mask_weight = 0.0,
         Variant::Densify => {
-            config.splats /= 2;
-            config.topology = "densify".into();
-            config.topology_limit = 2.0;
+            config.count.splats /= 2;
+            config.topology.name = "densify".into();
+            config.topology.limit = 2.0;
         }
     }
 }
@@ -437,14 +436,16 @@ mod tests {
     fn rows_have_the_paper_s_subsets_and_limits() {
         let plan = plan(&[Section::Table6], &Effort::FULL);
         let row = plan.rows.iter().find(|row| row.splats.paper == 200_000).expect("Table 6 has it");
-        assert_eq!((row.subset.paper, row.paper.config.topology_limit), (8000, 1.875));
+        assert_eq!((row.subset.paper, row.paper.config.topology.limit), (8000, 1.875));
         for TableRow { paper, ours, .. } in &plan.rows {
             assert!(
-                paper.config.subset > 0 && paper.config.subset_alone && paper.config.topology == "densify"
+                paper.config.subset.size > 0
+                    && paper.config.subset.alone
+                    && paper.config.topology.name == "densify"
             );
             assert_eq!((paper.profile.as_str(), paper.config.iterations, paper.held_out), ("paper", 1000, 0));
             assert_eq!((ours.profile.as_str(), ours.config.iterations, ours.held_out), ("default", 300, 8));
-            assert_eq!(paper.config.splats, ours.config.splats);
+            assert_eq!(paper.config.count.splats, ours.config.count.splats);
         }
     }
 
@@ -455,16 +456,18 @@ mod tests {
             plan.findings.iter().find(|(row, _)| row.variant == variant).map(|(_, job)| &job.config)
         };
         let full = of(Variant::FullBatch).expect("the reference");
-        assert_eq!((full.subset, full.topology.as_str()), (0, "none"));
+        assert_eq!((full.subset.size, full.topology.name.as_str()), (0, "none"));
         for (variant, expected) in [
-            (Variant::Sampled, FitConfig { learn_intensity: false, ..full.clone() }),
-            (Variant::NoMask, FitConfig { mask_weight: 0.0, ..full.clone() }),
+            (Variant::Sampled, full.clone().with(|c| c.rates.learn_intensity = false)),
+            (Variant::NoMask, full.clone().with(|c| c.loss.mask_weight = 0.0)),
         ] {
             assert_eq!(of(variant), Some(&expected));
         }
         let [alone, all] = [Variant::SubsetAlone, Variant::SubsetOfAll].map(|v| of(v).expect("a subset"));
-        assert_eq!(*all, FitConfig { subset_alone: false, ..alone.clone() });
-        assert!(alone.subset > 0 && of(Variant::DensityKernel).is_some_and(|c| c.kernel == Kernel::Density));
-        assert_eq!(of(Variant::Densify).map(|c| c.topology_limit), Some(2.0));
+        assert_eq!(*all, alone.clone().with(|c| c.subset.alone = false));
+        assert!(
+            alone.subset.size > 0 && of(Variant::DensityKernel).is_some_and(|c| c.kernel == Kernel::Density)
+        );
+        assert_eq!(of(Variant::Densify).map(|c| c.topology.limit), Some(2.0));
     }
 }

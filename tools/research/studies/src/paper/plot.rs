@@ -57,7 +57,7 @@ fn panel(case: usize, rows: &[TableRow], results: &Results) -> Panel {
             let job = if profile == "default" { &row.ours } else { &row.paper };
             let Some(record) = results.of(job) else { continue };
             lines.push(Line {
-                label: format!("{profile}, {} splats", record.job.config.splats),
+                label: format!("{profile}, {} splats", record.job.config.count.splats),
                 colour: colours[i.min(colours.len() - 1)],
                 points: points(record),
             });

@@ -36,7 +36,7 @@ impl Results {
                 let _ = writeln!(
                     out,
                     "{key},{folder},{mask},{profile},{},{},{:.3},{},{:e},{:.4},{}",
-                    config.splats,
+                    config.count.splats,
                     p.iteration,
                     p.seconds,
                     p.splats,

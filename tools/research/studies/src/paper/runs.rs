@@ -326,8 +326,8 @@ impl Bench<'_> {
             },
             range: self.range(),
             // The intensity error is that of the ROI: without the shell it is the same and cheaper.
-            shell: if is_last { self.job.config.shell } else { 0 },
-            threshold: self.job.config.region_threshold,
+            shell: if is_last { self.job.config.loss.shell } else { 0 },
+            threshold: self.job.config.region.threshold,
         };
         let Scene { volume, roi, .. } = &self.place.scene;
         let between = self.job.config.effective_between_slices();
@@ -379,7 +379,7 @@ pub mod tests {
         let points = mmse.iter().enumerate().map(|(i, &mmse)| Point {
             iteration: 50 * i as u32,
             seconds: 30.0 * i as f64,
-            splats: job.config.splats + 10 * i,
+            splats: job.config.count.splats + 10 * i,
             mmse,
         });
         Record {
@@ -460,7 +460,7 @@ pub mod tests {
         // The splats reach every brick: the buffers for 4096 pairs grow, and the fit goes back to its first
         // step.
         let mut job = job(100);
-        job.config.init_scale_min = 8.0;
+        job.config.init.scale_min = 8.0;
         assert!(place.bricks * 100 > 4096);
         let record = run(&job, &place, &options, &judge, |_| {}).expect("a run");
         assert_eq!(record.points.iter().map(|p| p.iteration).collect::<Vec<_>>(), [0, 3, 6, 7]);

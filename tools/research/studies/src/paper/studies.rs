@@ -95,7 +95,7 @@ pub fn density(rows: &[SweepRow], results: &Results) -> Table {
                 vec![
                     format!("{} {}", row.paper.folder, row.paper.mask),
                     row.known.density.to_string(),
-                    row.paper.config.splats.to_string(),
+                    row.paper.config.count.splats.to_string(),
                     row.paper.config.iterations.to_string(),
                     way(paper),
                     dash(row.known.paper.map(db)),
@@ -142,7 +142,7 @@ pub fn fidelity(rows: &[(&'static Fidelity, Job)], results: &Results) -> Table {
                 vec![
                     format!("{} {}", job.folder, job.mask),
                     known.density.to_string(),
-                    job.config.splats.to_string(),
+                    job.config.count.splats.to_string(),
                     job.config.iterations.to_string(),
                     way(record),
                     format!("{} / {}", db(known.best), dash(known.last.map(db))),
@@ -184,8 +184,12 @@ pub fn findings(rows: &[(&'static Finding, Job)], results: &Results) -> Table {
                 vec![
                     what(known.variant).to_owned(),
                     known.density.to_string(),
-                    counts.unwrap_or_else(|| job.config.splats.to_string()),
-                    if job.config.subset > 0 { job.config.subset.to_string() } else { "all".to_owned() },
+                    counts.unwrap_or_else(|| job.config.count.splats.to_string()),
+                    if job.config.subset.size > 0 {
+                        job.config.subset.size.to_string()
+                    } else {
+                        "all".to_owned()
+                    },
                     job.config.iterations.to_string(),
                     way(record),
                     difference(last(record), record.and_then(Record::start).map(|p| p.psnr())),
@@ -231,7 +235,7 @@ mod tests {
     #[test]
     fn findings_tell_loss_against_the_start() {
         let mut subset = job(176);
-        subset.config.subset = 3;
+        subset.config.subset.size = 3;
         let rows = [(&FINDINGS[8], subset.clone())];
         let mut results = Results::default();
         results.add(record(subset, &[0.001, 0.002]));

@@ -67,12 +67,12 @@ const fn spoke(name: &'static str, form: Option<FitForm>, change: fn(&mut FitCon
 const SPOKES: [Spoke; 8] = [
     spoke("Gaussian kernel", None, |c| c.kernel = Kernel::Gaussian),
     spoke("mixed storage", None, |c| c.storage = Storage::Mixed),
-    spoke("no rim", Some(FitForm::Grid), |c| c.rim_weight = 0.0),
-    spoke("rim × 3", Some(FitForm::Grid), |c| c.rim_weight *= 3.0),
-    spoke("on the grid only", Some(FitForm::Field), |c| c.offsets = 1),
-    spoke("2 offsets", Some(FitForm::Field), |c| c.offsets = 2),
-    spoke("4 offsets", Some(FitForm::Field), |c| c.offsets = 4),
-    spoke("8 offsets", Some(FitForm::Field), |c| c.offsets = 8),
+    spoke("no rim", Some(FitForm::Grid), |c| c.loss.rim_weight = 0.0),
+    spoke("rim × 3", Some(FitForm::Grid), |c| c.loss.rim_weight *= 3.0),
+    spoke("on the grid only", Some(FitForm::Field), |c| c.samples.offsets = 1),
+    spoke("2 offsets", Some(FitForm::Field), |c| c.samples.offsets = 2),
+    spoke("4 offsets", Some(FitForm::Field), |c| c.samples.offsets = 4),
+    spoke("8 offsets", Some(FitForm::Field), |c| c.samples.offsets = 8),
 ];
 
 /// Case and device of the fits.
@@ -107,7 +107,7 @@ pub fn rows(place: &FitPlace<'_>, profile: &Profile, extent: &Extent, parts: &[P
             folder: place.case.into(),
             mask: place.mask.into(),
             profile: profile.name.into(),
-            config: FitConfig { splats, ..config.without_goal() },
+            config: config.without_goal().with(|c| c.count.splats = splats),
             range: Range::MinMax,
             held_out: HELD_OUT,
             measure_every: u32::MAX,
@@ -115,22 +115,23 @@ pub fn rows(place: &FitPlace<'_>, profile: &Profile, extent: &Extent, parts: &[P
         };
         job.check().map(|()| FitRow { part, name, density_times, job })
     };
-    let scaled = |times: f64, iterations: u32| FitConfig {
-        density: plain.density * times,
-        iterations,
-        ..plain.clone()
+    let scaled = |times: f64, iterations: u32| {
+        plain.clone().with(|c| {
+            c.count.density = plain.count.density * times;
+            c.iterations = iterations;
+        })
     };
     let mut rows = Vec::new();
     if parts.contains(&Part::Qualities) {
         for quality in QUALITIES {
             let config = quality.of(&plain)?;
-            let times = config.density / plain.density;
+            let times = config.count.density / plain.count.density;
             rows.push(row(Part::Qualities, quality.name.into(), times, config)?);
         }
     }
     if parts.contains(&Part::Spokes) {
         let (times, iterations) = extent.middle();
-        for spoke in SPOKES.iter().filter(|s| s.form.is_none_or(|form| form == plain.form)) {
+        for spoke in SPOKES.iter().filter(|s| s.form.is_none_or(|form| form == plain.samples.form)) {
             let mut config = scaled(times, iterations);
             (spoke.change)(&mut config);
             rows.push(row(Part::Spokes, spoke.name.into(), times, config)?);
@@ -155,7 +156,7 @@ mod tests {
 
     #[test]
     fn the_design_has_every_fit_once_and_the_qualities_by_name() {
-        let needed = |config: &FitConfig| Ok((6000.0 / config.target_hu) as usize);
+        let needed = |config: &FitConfig| Ok((6000.0 / config.count.target_hu) as usize);
         let place = FitPlace { case: "c", mask: "m", voxels: 1000.0, needed: &needed, device: "none" };
         let extent = Extent { densities: vec![0.5, 1.0, 2.0], iterations: vec![50, 100] };
         let profile = Profile::named("bones").expect("a profile");
@@ -164,8 +165,8 @@ mod tests {
         let of = |part: Part| rows.iter().filter(|r| r.part == part).collect::<Vec<_>>();
         assert_eq!(of(Part::Qualities).len(), QUALITIES.len());
         assert_eq!(of(Part::Spokes).len(), 4, "those of a fit for the grid");
-        assert!(rows.iter().all(|r| r.job.config.splats == (150.0 * r.density_times).round() as usize));
-        let counts: Vec<usize> = of(Part::Qualities).iter().map(|r| r.job.config.splats).collect();
+        assert!(rows.iter().all(|r| r.job.config.count.splats == (150.0 * r.density_times).round() as usize));
+        let counts: Vec<usize> = of(Part::Qualities).iter().map(|r| r.job.config.count.splats).collect();
         assert_eq!(counts, [150, 200, 400, 1000], "as many as targets take");
         let keys: std::collections::BTreeSet<String> = rows.iter().map(|r| r.job.key()).collect();
         assert_eq!(keys.len(), rows.len());

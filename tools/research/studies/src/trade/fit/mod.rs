@@ -69,7 +69,7 @@ pub fn run(options: &GpuOptions, a: &FitTradeArguments) -> Result<()> {
     let store = Store::open(&a.out)?;
     let (case, mask) = (case_name(&a.volume), stem(&a.roi));
     let needed = |config: &FitConfig| {
-        let Some(goal) = Goal::of(config, place.range, config.region_threshold) else { return Ok(0) };
+        let Some(goal) = Goal::of(config, place.range, config.region.threshold) else { return Ok(0) };
         let problem = Problem::new(&place.scene.volume, &place.scene.roi, config)?;
         problem.count_for(&judge, &goal, GOAL_MARGIN_DB, &mut |_| {}, &mut to_the_end)
     };

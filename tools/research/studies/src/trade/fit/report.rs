@@ -92,7 +92,7 @@ impl Figures {
             part: format!("{:?}", row.part).to_lowercase(),
             name: row.name.clone(),
             density_times: row.density_times,
-            density: config.density,
+            density: config.count.density,
             splats: end.splats,
             iterations: config.iterations,
             kernel: Kernel::name(config.kernel),

@@ -161,7 +161,11 @@ fn units(a: &PictureTradeArguments, device: &str) -> Result<Vec<Unit>> {
 fn grid_fit(fit: &FitConfig, quick: bool) -> Result<FitConfig> {
     let grid = Profile::named("default")?.config()?;
     let iterations = if quick { QUICK_ITERATIONS } else { grid.iterations };
-    Ok(FitConfig { density: fit.density, splats: fit.splats, iterations, ..grid })
+    Ok(grid.with(|c| {
+        c.count.density = fit.count.density;
+        c.count.splats = fit.count.splats;
+        c.iterations = iterations;
+    }))
 }
 
 /// Returns the splats per voxel of a case; the usual number for a case that is none of the three.
@@ -169,7 +173,7 @@ fn density_of(name: &str) -> f64 {
     CASES
         .iter()
         .find(|(known, _)| *known == name)
-        .map_or(FitConfig::default().density, |(_, density)| *density)
+        .map_or(FitConfig::default().count.density, |(_, density)| *density)
 }
 
 #[cfg(test)]
@@ -194,9 +198,9 @@ mod tests {
         assert_eq!(keys.len(), 9);
         let quick = units(&a(true, &[]), "none").expect("units");
         assert_eq!((quick.len(), quick[0].views.len(), quick[0].fit.iterations), (1, 2, QUICK_ITERATIONS));
-        assert_eq!(units(&a(false, &["skull"]), "none").expect("units")[0].fit.density, 0.05);
+        assert_eq!(units(&a(false, &["skull"]), "none").expect("units")[0].fit.count.density, 0.05);
         let dense = PictureTradeArguments { density: 4.0, ..a(false, &["skull"]) };
-        assert_eq!(units(&dense, "none").expect("units")[0].fit.density, 0.2);
+        assert_eq!(units(&dense, "none").expect("units")[0].fit.count.density, 0.2);
         assert!(units(&a(false, &["no such case"]), "none").is_err());
         assert!(
             units(&PictureTradeArguments { density: -1.0, ..dense }, "none").is_err(),
