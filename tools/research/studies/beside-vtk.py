@@ -18,7 +18,7 @@ import nibabel, numpy as np, vtk
 from PIL import Image, ImageDraw, ImageFont
 from vtk.util.numpy_support import numpy_to_vtk, vtk_to_numpy
 
-REPO = Path(__file__).resolve().parents[2]
+REPO = Path(__file__).resolve().parents[3]
 SIZE = 512
 FOV = 30.0
 # Half the shortest edge of a voxel: the sample distance of 3D Slicer, whose oversampling factor is 2 by default.
