@@ -4,7 +4,7 @@
 use glam::{DAffine3, DVec3, IVec3, UVec3};
 use rayon::prelude::*;
 
-use super::decoded::Decoded;
+use super::decoded::{Decoded, bricks_over};
 use volume::bricks::{BRICK, NO_SLOT, SAMPLES, brick_voxel};
 
 impl Decoded {
@@ -12,7 +12,7 @@ impl Decoded {
     /// thin is missed, and V is their mean weighted by O, so that nothing empty is mixed in.
     pub(super) fn halved(&self) -> Self {
         let size = (UVec3::from_array(self.size) + 1) / 2 + 2;
-        let bricks = (size + 8) / 8;
+        let bricks = bricks_over(size);
         let count = bricks.element_product();
         let made: Vec<Option<Vec<Halved>>> = (0..count)
             .into_par_iter()

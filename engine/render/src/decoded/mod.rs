@@ -34,6 +34,7 @@ use splat::SplatSet;
 use volume::edges::Edges;
 
 pub(super) use source::Source;
+pub use source::bricks_over;
 pub use voxels::Decoded;
 pub(super) use voxels::place_of;
 

@@ -8,7 +8,7 @@
 use glam::{DAffine3, IVec3, UVec3};
 use rayon::prelude::*;
 
-use super::source::{Extent, MOST_BRICKS, MOST_LEAPS, Source, boxes, in_slabs, range_of};
+use super::source::{Extent, MOST_BRICKS, MOST_LEAPS, Source, boxes, bricks_over, in_slabs, range_of};
 use super::voxels::Decoded;
 use crate::scale::{Scale, to_fraction};
 use base::error::Result;
@@ -251,7 +251,7 @@ fn with_neighbours(set: Vec<bool>, [nx, ny, nz]: [usize; 3]) -> Vec<bool> {
 fn shown_extent(dense: &Dense, lattice: &Grid) -> Extent {
     let size = UVec3::from_array(dense.size.map(|n| n as u32)).max(UVec3::splat(3)).as_ivec3();
     let (low, high) = (dense.low, dense.low + size - 1);
-    let bricks = ((size + 1).as_uvec3() + 8) / 8;
+    let bricks = bricks_over(size.as_uvec3());
     let last = UVec3::from_array(lattice.size).as_ivec3() - 1;
     let mut extent = Extent {
         pitch: 1.0,

@@ -337,6 +337,12 @@ pub(super) fn boxes(splats: &[Splat], field: &Field, faces: [IVec3; 2]) -> Vec<V
     boxes.collect()
 }
 
+/// Returns how many bricks of 8³ voxels hold the places of a box of so many voxels, from one before the first to one
+/// behind the last: as `atlas_place` of medium.glsl counts them.
+pub fn bricks_over(size: UVec3) -> UVec3 {
+    (size + 8) / 8
+}
+
 impl Extent {
     /// Creates the extent around some boxes; returns `None` if there would be too many bricks.
     fn around(
@@ -354,8 +360,7 @@ impl Extent {
         if ((size + 4.0) / 4.0).element_product() > MOST_LEAPS {
             return None;
         }
-        // Places go from one voxel before the first to one behind the last.
-        let bricks = (size.as_uvec3() + 8) / 8;
+        let bricks = bricks_over(size.as_uvec3());
         let mut extent = Extent { pitch, scene_from_lattice, faces, low, high, bricks, reached: Vec::new() };
         let mut reached = vec![false; bricks.element_product() as usize];
         for &(from, to) in boxes.iter().flatten() {
