@@ -198,7 +198,8 @@ config! {
             /// of the scan cuts off then ends there.
             shell_beyond: bool = true;
             /// Weight of the squared intensity error in the rim of one voxel around the ROI, for form "grid" and
-            /// a binary mask: a sample between two voxels at the edge takes its intensity from there, too.
+            /// a binary mask and intensity_loss "mse": a sample between two voxels at the edge takes its intensity
+            /// from there, too.
             rim_weight: f32 = 0.1, at_least(0.0);
         }
         /// Epsilon of equation (2), in units of the summed weight.
