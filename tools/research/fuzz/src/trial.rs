@@ -5,17 +5,14 @@ use std::cell::{Cell, RefCell};
 use std::fs::File;
 use std::io::{Seek, Write};
 use std::panic::{self, AssertUnwindSafe};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Once;
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
 use engine::{Error, Kind, Result};
 use peak_alloc::PeakAlloc;
-use rand::SeedableRng;
-use rand_pcg::Pcg64Mcg;
 
-use crate::mutate::mutated;
 use crate::seeds;
 use crate::targets::{Target, VOLUME_BYTES};
 
@@ -51,24 +48,10 @@ pub enum Fault {
     Slow(Duration),
 }
 
-/// How a series of trials ended.
-#[derive(Debug, Default)]
-pub struct Outcome {
-    /// Files read.
-    pub executions: u64,
-    /// Files that were accepted.
-    pub accepted: u64,
-    /// Most bytes of the heap that a file took.
-    pub peak_bytes: usize,
-    /// Time of the processor.
-    pub time: Duration,
-    /// Faults, each with the file that led to it, the first of each kind and message.
-    pub faults: Vec<(Fault, Vec<u8>)>,
-}
-
 /// The reader under trial, with its file.
-pub struct Trial<'a> {
-    target: &'a Target,
+pub struct Trial {
+    /// The reader.
+    pub target: &'static Target,
     path: PathBuf,
     file: File,
     _folder: tempfile::TempDir,
@@ -80,16 +63,14 @@ thread_local! {
     static MESSAGE: RefCell<Option<String>> = const { RefCell::new(None) };
 }
 
-impl<'a> Trial<'a> {
+impl Trial {
     /// Prepares trials of a reader. Panics of readers are then told by [`Fault::Panic`], no longer on stderr.
     ///
     /// # Errors
     /// If there is no place for a file.
-    pub fn new(target: &'a Target) -> Result<Self> {
-        let memory = Path::new("/dev/shm");
-        let made = if memory.is_dir() { tempfile::tempdir_in(memory) } else { tempfile::tempdir() };
-        let failed = |e: std::io::Error| Error::io(memory, "making a file", &e);
-        let folder = made.map_err(failed)?;
+    pub fn new(target: &'static Target) -> Result<Self> {
+        let failed = |e: std::io::Error| Error::io(std::env::temp_dir(), "making a file", &e);
+        let folder = tempfile::tempdir().map_err(failed)?;
         let path = folder.path().join("file").with_extension(target.extension);
         let file = File::create(&path).map_err(failed)?;
         if let Some(beside) = target.beside {
@@ -110,12 +91,6 @@ impl<'a> Trial<'a> {
 
     /// Reads a file with these bytes. Returns whether it was accepted, or the fault.
     pub fn read(&self, bytes: &[u8]) -> std::result::Result<bool, Fault> {
-        self.measured(bytes).0
-    }
-
-    /// Reads a file with these bytes. Returns whether it was accepted, or the fault, and the most bytes of the heap
-    /// that were taken.
-    fn measured(&self, bytes: &[u8]) -> (std::result::Result<bool, Fault>, usize) {
         let mut file = &self.file;
         let written = file.rewind().and_then(|()| file.write_all(bytes));
         written.and_then(|()| file.set_len(bytes.len() as u64)).expect("a small file fits");
@@ -126,53 +101,17 @@ impl<'a> Trial<'a> {
         READING.set(false);
         let clock = begin.elapsed();
         let time = if clock > LONGEST { cpu.elapsed() } else { clock };
-        let judged = match read {
+        match read {
             Err(payload) => Err(Fault::Panic(said(&*payload))),
             Ok(Err(e)) if e.kind == Kind::Internal => Err(Fault::Internal(format!("{}: {e}", e.code))),
             _ if taken > MOST_BYTES => Err(Fault::Memory(taken)),
             _ if time > LONGEST || clock > LONGEST_BY_THE_CLOCK => Err(Fault::Slow(time.max(clock))),
             Ok(read) => Ok(read.is_ok()),
-        };
-        (judged, taken)
-    }
-
-    /// Reads mutated files until there were so many, or so long. `tell` is called about once a second.
-    pub fn series(
-        &self,
-        seed: u64,
-        most: u64,
-        longest: Duration,
-        mut tell: impl FnMut(&Outcome, Duration),
-    ) -> Outcome {
-        let seeds = (self.target.seeds)();
-        let mut rng = Pcg64Mcg::seed_from_u64(seed);
-        let mut outcome = Outcome::default();
-        let (begin, mut told, cpu) = (Instant::now(), Instant::now(), ProcessTime::now());
-        while outcome.executions < most && begin.elapsed() < longest {
-            let bytes = (self.target.mend)(&mutated(&mut rng, &seeds));
-            let (read, taken) = self.measured(&bytes);
-            outcome.peak_bytes = outcome.peak_bytes.max(taken);
-            match read {
-                Ok(accepted) => outcome.accepted += u64::from(accepted),
-                Err(fault) => {
-                    if !outcome.faults.iter().any(|(known, _)| is_alike(known, &fault)) {
-                        let shorter = self.minimized(bytes, &fault);
-                        outcome.faults.push((fault, shorter));
-                    }
-                }
-            }
-            outcome.executions += 1;
-            if told.elapsed() >= Duration::from_secs(1) {
-                told = Instant::now();
-                tell(&outcome, begin.elapsed());
-            }
         }
-        outcome.time = cpu.elapsed();
-        outcome
     }
 
     /// Leaves out parts of a file as long as the fault stays the same.
-    fn minimized(&self, mut bytes: Vec<u8>, fault: &Fault) -> Vec<u8> {
+    pub fn minimized(&self, mut bytes: Vec<u8>, fault: &Fault) -> Vec<u8> {
         let mut length = bytes.len() / 2;
         while length > 0 {
             let mut at = 0;
@@ -191,7 +130,7 @@ impl<'a> Trial<'a> {
 }
 
 /// Returns true if two faults are of one kind, and panics of one place.
-fn is_alike(a: &Fault, b: &Fault) -> bool {
+pub fn is_alike(a: &Fault, b: &Fault) -> bool {
     let place = |said: &str| said.split(" at ").nth(1).and_then(|s| s.lines().next()).map(str::to_owned);
     match (a, b) {
         (Fault::Panic(a), Fault::Panic(b)) => place(a) == place(b),

@@ -270,7 +270,8 @@ pub fn state_sum(bytes: &[u8]) -> Vec<u8> {
     summed(&bytes[..bytes.len().saturating_sub(4)])
 }
 
-fn crc(bytes: &[u8]) -> u32 {
+/// Returns the checksum of gzip, PNG and zip.
+pub fn crc(bytes: &[u8]) -> u32 {
     let mut crc = Crc::new();
     crc.update(bytes);
     crc.sum()

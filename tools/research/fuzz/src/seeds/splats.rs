@@ -8,12 +8,11 @@ use engine::splat::{
 };
 use engine::unit::Unit;
 use engine::volume::{Roi, Volume};
-use flate2::Crc;
 use flate2::read::GzDecoder;
 use glam::{DAffine3, DVec3};
 use serde::Deserialize;
 
-use super::written;
+use super::{crc, written};
 
 /// The place that a volume gives to splats in the layout of the paper's authors.
 pub fn place() -> Place {
@@ -246,10 +245,4 @@ pub fn vgs_sums(bytes: &[u8]) -> Vec<u8> {
     out.extend(&header);
     out.extend(&bytes[end..]);
     out
-}
-
-fn crc(bytes: &[u8]) -> u32 {
-    let mut crc = Crc::new();
-    crc.update(bytes);
-    crc.sum()
 }
