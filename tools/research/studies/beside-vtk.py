@@ -97,8 +97,8 @@ splats.
 - **Grain: vgs is better.** VTK's even steps leave dots and rings on what faces the eye, such as the forehead; jittering would
   make noise of them. vgs takes finer steps, but only where something can show.
 - **Edges: vgs is better.** Next to air, VTK's heart becomes a flight of stairs, and a rim of intensities between those of contrast
-  medium and air tints heart and vessels. vgs blurs the mask, not the intensities. Stairs of a voxel are left.
-- **Splats look like the scan in vgs**, stairs included, and take at most a third more time than it.
+  medium and air tints heart and vessels. vgs smooths the mask, and continues the object's own intensities beyond it.
+- **Splats look like the scan in vgs**, and take at most 1.4 times its time.
 - **Time: not a verdict on GPUs.** VTK samples every ray all through the box, vgs skips what is empty. On a processor that
   decides; no GPU was measured. The drivers differ in age, too.
 
