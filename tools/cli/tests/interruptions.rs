@@ -174,7 +174,7 @@ fn an_interrupted_fit_goes_on_to_the_same_bytes() {
 
         let other = folder.run(&flags("part.ply", &["--resume", "--rate-mean", "0.3"]));
         assert_eq!(other.code, 2, "{}", other.err);
-        assert!(other.err.contains("rate_mean was 0.2 and is 0.3"), "{}", other.err);
+        assert!(other.err.contains("rate_mean was 0.2 and is now 0.3"), "{}", other.err);
         // Another volume, though it is called like the one of the fit.
         let volume = folder.read("ct.nii.gz");
         folder.write("ct.nii.gz", &other_volume);
@@ -197,7 +197,7 @@ fn an_interrupted_fit_goes_on_to_the_same_bytes() {
     }
     let none = folder.run(&flags("none.ply", &["--resume"]));
     assert_eq!(none.code, 66, "{}", none.err);
-    assert!(none.err.contains("begin without --resume"), "{}", none.err);
+    assert!(none.err.contains("start without --resume"), "{}", none.err);
 }
 
 /// The last state is damaged: the fit goes on from the one before, to the same bytes.

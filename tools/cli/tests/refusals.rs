@@ -111,7 +111,7 @@ const ROWS: &[RefusalRow] = &[
         name: "distances of voxels that the file has",
         arguments: &["eval", "away.ply", "ct.nii.gz", "--roi", "mask.nii.gz", "--voxel-mm", "2"],
         exit: 2,
-        says: &["VGS-CLI-120", "ct.nii.gz: --voxel-mm is for files that do not say"],
+        says: &["VGS-CLI-120", "ct.nii.gz: --voxel-mm is for files without a voxel spacing"],
     },
     RefusalRow {
         name: "a series of no folder",

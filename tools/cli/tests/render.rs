@@ -412,7 +412,7 @@ fn several_objects_have_the_usual_look_of_each_unless_a_function_is_asked_for() 
     assert_ne!(picture(&folder, "usual.png").image, picture(&folder, "asked.png").image);
     // One warning for all of them, with what mends it.
     let unseen = run(&["-o", "u.png", "--tf", "CT-Fat"]);
-    let warnings: Vec<_> = unseen.err.lines().filter(|line| line.contains("hardly be seen")).collect();
+    let warnings: Vec<_> = unseen.err.lines().filter(|line| line.contains("barely visible")).collect();
     let [warning] = warnings[..] else { panic!("{}", unseen.err) };
     assert!(warning.contains("3 of 3 objects") && warning.contains("leave --tf out"), "{warning}");
 }

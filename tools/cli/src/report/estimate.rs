@@ -184,8 +184,8 @@ mod tests {
             "80 s for 400 iterations of 0.2 s",
             "2.5 MB",
             "1.2 kB",
-            "not known",
-            "out in 10 s",
+            "known only for an unchanged",
+            "estimated in 10 s",
         ] {
             assert!(plain.contains(says), "{says} in {plain}");
         }

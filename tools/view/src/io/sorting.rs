@@ -335,7 +335,7 @@ mod tests {
         }
         let (with, region, notes) = look(&nothing, &[&ct, &away]);
         assert_eq!((with.as_ref(), region), (Some(&ct), None));
-        assert!(notes.contains("Left out: away.nii"), "{notes}");
+        assert!(notes.contains("Not opened: away.nii"), "{notes}");
         let alone = std::slice::from_ref(&ct);
         assert!(!needs_look(&nothing, alone) && !needs_look(&open, alone));
     }
