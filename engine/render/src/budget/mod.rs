@@ -5,7 +5,8 @@
 //! at once and as far as needed, up one level at a time after a while of room, and ever later where going up
 //! has failed before.
 //!
-//! Nothing here knows a device or a clock; [`simulation`] has GPUs to try the controller on.
+//! Nothing here knows a device or a clock; `simulation`, with the feature of that name, has GPUs to
+//! try the controller on.
 
 mod controller;
 #[cfg(any(test, feature = "simulation"))]

@@ -33,8 +33,7 @@ use gpu::Gpu;
 use splat::SplatSet;
 use volume::edges::Edges;
 
-pub(super) use source::Source;
-pub use source::bricks_over;
+pub(super) use source::{Source, bricks_over};
 pub use voxels::Decoded;
 pub(super) use voxels::place_of;
 

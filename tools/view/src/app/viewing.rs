@@ -10,7 +10,7 @@ use crate::model::state::Subject;
 use crate::panels;
 
 impl App {
-    /// Carries out an action that changes what is seen and nothing else; others are left alone.
+    /// Carries out an action that changes what is seen and nothing else.
     pub(super) fn change_view(&mut self, action: &Action, info: &PanelInfo<'_>) {
         let state = &mut self.state;
         match action {
@@ -72,7 +72,8 @@ impl App {
                     (state.slices.shown, state.show.panels) = (true, true);
                 }
             }
-            _ => {}
+            // A new action has a place here or in `act`.
+            other => debug_assert!(false, "nobody carries out {other:?}"),
         }
     }
 }
