@@ -20,7 +20,7 @@ use constants::{Modules, list, module, read_constants};
 mod constants;
 
 /// The folders that hold shaders; `include/` holds the files that they share.
-const FOLDERS: [&str; 5] = ["common", "fit", "headset", "render", "window"];
+const FOLDERS: [&str; 6] = ["common", "fit", "headset", "picture", "render", "window"];
 /// Endings of the files that are compiled, with the name of their stage for glslang and for the table.
 const STAGES: [(&str, shaderc::ShaderKind, &str); 3] = [
     ("comp", shaderc::ShaderKind::Compute, "Compute"),

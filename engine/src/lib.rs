@@ -11,6 +11,7 @@
 //! | [`passes`] | one kernel or one group of kernels each, recorded with its buffers |
 //! | [`fit`] | the optimisation: initialisation, the step, evaluation |
 //! | [`render`] | a scene of splats or of a volume, seen through a transfer function in one of several modes |
+//! | [`mod@bake`] | standard splats that show in other programs what a transfer function shows of a fit |
 //! | [`fidelity`] | how far what is shown of splats is from their volume, in figures and colours |
 //! | [`mod@rasterize`] | splats as a volume again |
 //! | [`mod@coded`] | a region without splats: its voxels, coded within a bound |
@@ -30,6 +31,7 @@ pub mod coded;
 pub mod fidelity;
 pub mod rasterize;
 
+pub use bake;
 pub use base::{Error, Kind, Result, error, figures, input, memory, names, output, unit};
 pub use fit;
 pub use gpu;

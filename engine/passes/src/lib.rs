@@ -24,6 +24,7 @@
 //! | `occupancy` | `occupancy_mark`, `occupancy_spread` | which bricks of a volume a look can show |
 //! | `voxel_gradients` | `voxel_gradients` | gradients at the voxels of a volume, for its light |
 //! | `faces` | `list_faces` | the faces around those bricks, and the pixels that they cover |
+//! | `picture` | `picture_project`, `picture_pairs`, `picture_blend`, `picture_ssim`, `picture_loss_grad`, `picture_blend_grad`, `picture_project_grad`, `adam_harmonics` | standard splats on a picture, its loss, and the way back |
 //! | `render/slab` | `slab` | the modes slab and exact |
 //! | `render/raymarch` | `raymarch` | the modes volume and decoded |
 //! | `views`, `splat_rows` | | the views and the splats that kernels read |
@@ -46,6 +47,7 @@ pub mod loss;
 pub mod occupancy;
 pub mod overlap;
 mod pair_lists;
+pub mod picture;
 pub mod quads;
 pub mod radix_sort;
 mod ranking;
@@ -74,6 +76,7 @@ pub use lists::Lists;
 pub use loss::Losses;
 pub use occupancy::Occupancy;
 pub use overlap::Overlap;
+pub use picture::Picture;
 pub use quads::Quads;
 pub use radix_sort::RadixSort;
 pub use ranking::Ranking;

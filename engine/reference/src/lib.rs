@@ -19,6 +19,7 @@ pub mod moments_to_grad;
 pub mod objective;
 pub mod occupancy;
 pub mod pairs;
+pub mod picture;
 pub mod quads;
 pub mod radix;
 pub mod raymarch;

@@ -167,12 +167,13 @@ pub fn is_physical(path: &Path) -> bool {
     named(path).is_ok_and(|format| format.physical)
 }
 
-/// Fails if the format that the extension of `path` names does not hold the coded voxels of a set.
+/// Fails if no format has the extension of `path`, or if it does not hold the coded voxels of a set.
 ///
 /// # Errors
 /// [`Kind::Usage`].
 pub fn check_held(path: &Path, set: &SplatSet) -> Result<()> {
-    if set.voxels.is_empty() || named(path)?.voxels {
+    let format = named(path)?;
+    if set.voxels.is_empty() || format.voxels {
         return Ok(());
     }
     let message = "coded voxels, and this format holds splats";

@@ -16,8 +16,9 @@ const LONG: usize = 700;
 /// Android.
 const UNSAFE: [&str; 3] = ["engine/gpu/src/", "xr-app/src/headset/openxr.rs", "xr-app/src/android.rs"];
 /// The members of the workspace: the folder of each, and what others call it in their dependencies.
-const MEMBERS: [(&str, &str); 22] = [
+const MEMBERS: [(&str, &str); 23] = [
     ("engine", "engine"),
+    ("engine/bake", "bake"),
     ("engine/base", "base"),
     ("engine/fit", "fit"),
     ("engine/gpu", "gpu"),

@@ -8,6 +8,7 @@ mod deconvolution;
 mod hidden;
 mod occupancy;
 mod optimiser;
+mod picture;
 mod quads;
 mod raymarch;
 mod slab;
@@ -47,6 +48,8 @@ oracle! {
     bins: splat_bounds emit_pairs brick_ranges pair_masks cell_masks;
     volume: splat_to_volume overlap_sums splat_to_volume_grad moments_to_grad;
     optimiser: adam gather_rows scatter_rows;
+    picture: picture_project picture_pairs picture_blend picture_ssim picture_loss_grad picture_blend_grad
+        picture_project_grad adam_harmonics;
     quads: project_quads;
     deconvolution: deconvolve_points deconvolve_splats;
     hidden: hidden_parts;

@@ -61,6 +61,7 @@ enum Command {
     Info(commands::info::InfoArguments),
     #[cfg(feature = "window")]
     Convert(Box<commands::convert::ConvertArguments>),
+    Bake(commands::bake::BakeArguments),
     Page(commands::page::PageArguments),
     /// Lists the Vulkan devices of this machine
     Devices,
@@ -94,6 +95,7 @@ fn main() -> ExitCode {
             Command::Info(arguments) => commands::info::run(&arguments, &console),
             #[cfg(feature = "window")]
             Command::Convert(arguments) => commands::convert::run(&arguments, &console),
+            Command::Bake(arguments) => commands::bake::run(&arguments, &console),
             Command::Page(arguments) => commands::page::run(&arguments, &console),
             Command::Phantom(arguments) => commands::phantom::run(&arguments, &console),
             Command::Explain(arguments) => commands::explain::run(&arguments, &console),

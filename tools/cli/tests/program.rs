@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod arrows;
+mod bake;
 mod compare;
 mod convert;
 mod dicom;

@@ -1,5 +1,6 @@
 //! One file or folder for each command: its flags, and `run`. No command uses another.
 
+pub mod bake;
 pub mod compare;
 pub mod completions;
 #[cfg(feature = "window")]

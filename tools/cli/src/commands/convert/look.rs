@@ -2,29 +2,23 @@
 
 use std::collections::BTreeMap;
 
-use engine::render::{Intensities, Look, UsualLook};
+use engine::render::Look;
 use engine::splat::SplatSet;
-use engine::transfer;
 
 use super::arguments::{ConvertArguments, ObjectFlag};
+use crate::shared::looks::look_of;
 
 impl ConvertArguments {
     /// Returns the look of `set` that the flags ask for: that of the session, if there is one, with changes.
     pub fn look(&self, set: &SplatSet, session: Option<Look>) -> engine::Result<Look> {
         let range = set.intensity_range().unwrap_or([0.0, 1.0]);
-        let given = self.tf.as_deref().map(|name| transfer::load(name, range)).transpose()?;
-        let mut look = match (session, given) {
-            (Some(look), None) => look,
+        let mut look = match session {
             // One function for all, in place of those of the objects, too.
-            (Some(look), Some(given)) => Look { transfer: given, functions: BTreeMap::new(), ..look },
-            (None, Some(given)) => Look::new(given),
-            (None, None) => match UsualLook::of(set) {
-                Some(usual) => usual.look(&set.objects()),
-                None => {
-                    let suiting = Intensities::of_set(set).suiting_preset(set.unit);
-                    Look::new(transfer::load(suiting, range)?)
-                }
-            },
+            Some(look) if self.tf.is_some() => {
+                Look { transfer: look_of(set, self.tf.as_deref())?.transfer, functions: BTreeMap::new(), ..look }
+            }
+            Some(look) => look,
+            None => look_of(set, self.tf.as_deref())?,
         };
         let there = set.objects();
         if self.object_colours {

@@ -1,0 +1,131 @@
+//! All of baking.
+
+use std::ops::ControlFlow;
+use std::time::Instant;
+
+use super::options::Options;
+use super::training::Training;
+use super::views::Views;
+use base::error::Result;
+use base::unit::Unit;
+use gpu::Gpu;
+use render::{Look, Scene};
+use splat::harmonics::luminance;
+use splat::{Activations, SplatSet};
+
+/// Mode whose pictures are wanted.
+const WANTED: &str = "decoded";
+
+/// What baking is at.
+#[derive(Clone, Debug, PartialEq)]
+pub enum Progress {
+    /// Wanted pictures are rendered: so many of so many.
+    Rendering(usize, usize),
+    /// Splats are trained: steps that are done, and the share of all, 0 to 1.
+    Training(u32, f64),
+}
+
+/// How near the pictures of the splats come to those that are wanted, on views that were not trained: PSNR over black, dB.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Report {
+    /// Of the splats at the beginning, view by view.
+    pub before: Vec<f64>,
+    /// Of the splats that were baked.
+    pub after: Vec<f64>,
+    /// Steps of the optimiser.
+    pub steps: u32,
+    /// Time that the wanted pictures took, s.
+    pub rendering_s: f64,
+    /// Time that the steps took, s.
+    pub training_s: f64,
+}
+
+/// Splats that were baked.
+pub struct Baked {
+    /// The splats, as of ordinary 3D Gaussian splatting.
+    pub set: SplatSet,
+    /// Their rows in the set that they were made of.
+    pub rows: Vec<usize>,
+    /// Number of splats that the look shows, and of which its transfer function shows nothing; they are left out.
+    pub hidden: usize,
+    /// How near they come.
+    pub report: Report,
+}
+
+/// Returns `set` with colours and opacities with which alpha blending shows what mode decoded shows with `look`. `going`
+/// is told what is done, and may break off: the splats are then as far as they have come.
+///
+/// # Errors
+/// Those of [`render::baked`](fn@render::baked) and [`Options::check`].
+pub fn bake(
+    gpu: &Gpu,
+    set: &SplatSet,
+    look: &Look,
+    options: &Options,
+    going: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
+) -> Result<Baked> {
+    options.check()?;
+    let begun = Instant::now();
+    let mut first = render::baked(gpu, set, look)?;
+    if let Some(most) = options.max_splats.filter(|&most| most < first.set.splats.len()) {
+        keep_most_important(&mut first, most);
+    }
+    let render::Baked { set: mut out, rows, hidden } = first;
+    let mut report = Report::default();
+    let total = options.views + options.held_out;
+    let unfinished = |out, rows, report| Ok(Baked { set: out, rows, hidden, report });
+    if out.splats.is_empty() {
+        return unfinished(out, rows, report);
+    }
+    let scene = Scene::new(gpu, Some(set), None, look)?;
+    let mut views = |count, shift, before: usize| {
+        Views::of_scene(gpu, &scene, WANTED, (count, shift), options.size, &mut |i| {
+            going(&Progress::Rendering(before + i, total)).is_continue()
+        })
+    };
+    let Some(held_out) = views(options.held_out, 0.5, 0)? else { return unfinished(out, rows, report) };
+    let Some(trained) = views(options.views, 0.0, options.held_out)? else {
+        return unfinished(out, rows, report);
+    };
+    report.rendering_s = begun.elapsed().as_secs_f64();
+    let lit = out.colours.as_ref().map_or(0, |colours| colours.degree);
+    let mut training = Training::new(gpu, &out, options.degree.unwrap_or(lit), &trained, options)?;
+    report.before = training.psnr(&held_out)?;
+    let begun = Instant::now();
+    loop {
+        let steps = f64::from(training.steps()) / f64::from(options.iterations.max(1));
+        let time = options.time_budget.map_or(0.0, |most| begun.elapsed().as_secs_f64() / most.as_secs_f64());
+        let done = steps.max(time);
+        let told = going(&Progress::Training(training.steps(), done.min(1.0)));
+        if training.steps() >= options.iterations || !(time < 1.0) || told.is_break() {
+            break;
+        }
+        training.step(&trained, done)?;
+    }
+    report.training_s = begun.elapsed().as_secs_f64();
+    report.steps = training.steps();
+    report.after = training.psnr(&held_out)?;
+    let (splats, colours) = training.splats(out.origin_mm)?;
+    out.splats = splats;
+    for (i, splat) in out.splats.iter_mut().enumerate() {
+        splat.intensity = luminance(colours.of(i));
+    }
+    out.colours = Some(colours);
+    out.unit = Unit::Luminance;
+    Ok(Baked { set: out, rows, hidden, report })
+}
+
+/// Keeps the splats that cover most, by opacity times the area of their shadow, in the order in which they are.
+fn keep_most_important(baked: &mut render::Baked, most: usize) {
+    let splats = &baked.set.splats;
+    let weight = |i: usize| {
+        let [a, b, c] = splats[i].scale();
+        splats[i].opacity() * (a * b + b * c + c * a)
+    };
+    let mut order: Vec<usize> = (0..splats.len()).collect();
+    order.sort_by(|&i, &j| weight(j).total_cmp(&weight(i)).then(i.cmp(&j)));
+    order.truncate(most);
+    order.sort_unstable();
+    baked.rows = order.iter().map(|&i| baked.rows[i]).collect();
+    baked.set = baked.set.of_rows(&order);
+}

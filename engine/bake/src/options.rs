@@ -1,0 +1,76 @@
+//! How splats are baked.
+
+use std::time::Duration;
+
+use base::error::{Error, Kind, Result};
+use splat::harmonics::MAX_DEGREE;
+
+/// How splats are baked.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Options {
+    /// Pictures that the splats are trained with.
+    pub views: usize,
+    /// Pictures between these that only tell how good they are.
+    pub held_out: usize,
+    /// Width and height of the pictures, pixels.
+    pub size: u32,
+    /// Steps of the optimiser, a picture each; 0 keeps the splats as they begin.
+    pub iterations: u32,
+    /// Most time for the steps; `None` takes as long as they need. The rates of the steps follow the share of the time.
+    pub time_budget: Option<Duration>,
+    /// Most splats: of more the most important are kept.
+    pub max_splats: Option<usize>,
+    /// Highest degree of the harmonics; `None` for 2 where there is light and 0 elsewhere.
+    pub degree: Option<u8>,
+    /// Weight of 1 - SSIM in the loss; that of the absolute error is the rest of 1.
+    pub ssim_weight: f64,
+    /// Seed of the order of the pictures and of the backgrounds.
+    pub seed: u64,
+}
+
+impl Default for Options {
+    fn default() -> Self {
+        Options {
+            views: 48,
+            held_out: 8,
+            size: 256,
+            iterations: 400,
+            time_budget: None,
+            max_splats: None,
+            degree: None,
+            ssim_weight: 0.2,
+            seed: 0,
+        }
+    }
+}
+
+impl Options {
+    /// Fails for values that cannot be used.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`].
+    pub fn check(&self) -> Result<()> {
+        let bad = |what: String, help: &str| {
+            Err(Error::new(Kind::Usage, "VGS-BAKE-003", format!("baking with {what}")).help(help))
+        };
+        if !(1..=10_000).contains(&self.views) {
+            return bad(format!("{} views", self.views), "give 1 to 10000");
+        }
+        if self.held_out > 10_000 {
+            return bad(format!("{} held-out views", self.held_out), "give 0 to 10000");
+        }
+        if !(16..=4096).contains(&self.size) {
+            return bad(format!("pictures of {0} x {0} pixels", self.size), "give 16 to 4096");
+        }
+        if self.max_splats == Some(0) {
+            return bad("no splats".to_owned(), "give at least 1");
+        }
+        if self.degree.is_some_and(|degree| degree > MAX_DEGREE) {
+            return bad(format!("harmonics of degree {}", self.degree.unwrap_or_default()), "give 0 to 3");
+        }
+        if !(0.0..=1.0).contains(&self.ssim_weight) {
+            return bad(format!("a weight of {} for SSIM", self.ssim_weight), "give 0 to 1");
+        }
+        Ok(())
+    }
+}

@@ -1,0 +1,41 @@
+#version 460
+// Splats on a picture, and the number of tiles that each is drawn in. One invocation owns a splat.
+#include "picture.glsl"
+#include "picture_axes.glsl"
+#include "harmonics.glsl"
+layout(local_size_x = 64) in;
+layout(push_constant, scalar) uniform PictureProjectParams { View view; uvec2 size; uint splat_count; uint coefficients; } p;
+layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
+layout(scalar, binding = 1) readonly buffer Harmonics { vec3 harmonics_of[]; }; // [splat][coefficient]
+layout(scalar, binding = 2) writeonly buffer PictureSplats { PictureSplat picture_splats[]; };
+layout(scalar, binding = 3) writeonly buffer PairCounts { uint pair_counts[]; };
+
+void main() {
+    uint i = gl_GlobalInvocationID.x;
+    if (i >= p.splat_count) return;
+    pair_counts[i] = 0;
+    Splat s = splats[i];
+    PictureAxes a = picture_axes(s, p.view, p.size);
+    PictureSplat r;
+    r.opacity = 0.0;
+    picture_splats[i] = r;
+    if (!(a.mean.z > NEAREST)) return;
+    vec3 covariance = picture_covariance(a);
+    float determinant = covariance.x * covariance.z - covariance.y * covariance.y;
+    if (!(determinant > 0.0)) return;
+    r.conic = vec3(covariance.z, -covariance.y, covariance.x) / determinant;
+    r.centre = (a.tangents - p.view.tangents.xz) * a.focal;
+    r.opacity = 1.0 / (1.0 + exp(-s.opacity_logit));
+    r.depth = a.mean.z;
+    float basis[16] = harmonics(normalize(s.mean - p.view.eye));
+    r.colour = vec3(0.5);
+    for (uint k = 0; k < p.coefficients; ++k) r.colour += basis[k] * harmonics_of[i * p.coefficients + k];
+    r.colour = max(r.colour, 0.0);
+    picture_splats[i] = r;
+    uvec4 box = picture_tiles(r, p.size);
+    uint count = 0;
+    for (uint y = box.y; y < box.w; ++y)
+        for (uint x = box.x; x < box.z; ++x)
+            if (reaches_tile(r, uvec2(x, y))) count += 1;
+    pair_counts[i] = count;
+}

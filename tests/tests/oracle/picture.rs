@@ -1,0 +1,409 @@
+//! Standard splats on a picture, the loss of the picture, and the derivatives by the splats.
+
+use engine::gpu::{Buffer, Gpu, Kernel};
+use engine::passes::Picture;
+use engine::passes::picture::{HarmonicsState, Shot, Splats};
+use engine::render::Camera;
+use engine::splat::Splat;
+use engine::splat::harmonics::basis_count;
+use glam::{DQuat, DVec3, DVec4, Vec3};
+use rand::RngExt;
+use reference::eye::Eye;
+use reference::picture;
+use shaders_glsl::types::{AdamHarmonicsParams, PicturePairParams, PictureProjectParams, PictureSplat, SplatGrad};
+use vgs_tests::scene::{random, splat};
+use vgs_tests::{Bound, Device, assert_close};
+
+use super::run;
+
+/// No multiple of a tile, of the loss or of the picture.
+const SIZE: [u32; 2] = [45, 37];
+const SSIM_WEIGHT: f64 = 0.3;
+
+/// Splats in mm about the origin, in front of and around a background, and what the picture should be.
+struct Stage {
+    splats: Vec<Splat>,
+    coefficients: Vec<[f32; 3]>,
+    degree: u8,
+    shot: Shot,
+    wanted: Vec<u32>,
+}
+
+fn stage(seed: u64, count: usize, degree: u8) -> Stage {
+    let mut rng = random(seed);
+    let splats: Vec<Splat> = (0..count)
+        .map(|i| {
+            let mut s = splat(&mut rng, Vec3::splat(40.0));
+            s.mean = s.mean.map(|v| v - 20.0);
+            s.log_scale = s.log_scale.map(|v| v + 0.6);
+            // Some opacities are cut, and some splats are too faint to be drawn.
+            s.opacity_logit = [-7.0, 6.0, 0.3, -1.0, 1.5][i % 5] + rng.random_range(-0.2..0.2);
+            s
+        })
+        .collect();
+    let coefficients = (0..count * basis_count(degree))
+        .map(|_| std::array::from_fn(|_| rng.random_range(-0.9f32..0.9)))
+        .collect();
+    let mut camera = Camera::from_side("anterior-left-superior", DVec3::ZERO, 26.0, 40.0, 1.2).expect("a camera");
+    camera.fov.left *= 0.8;
+    let wanted = (0..SIZE[0] * SIZE[1])
+        .map(|i| {
+            let opacity = if i % SIZE[0] > 20 { rng.random_range(0u32..256) } else { 255 };
+            (0..3).fold(opacity << 24, |word, c| word | rng.random_range(0..=opacity) << (8 * c))
+        })
+        .collect();
+    let shot = Shot {
+        view: camera.view(DVec3::ZERO),
+        depths: [20.0, 200.0],
+        background: [0.2, 0.9, 0.5],
+    };
+    Stage { splats, coefficients, degree, shot, wanted }
+}
+
+fn wide(v: [f32; 3]) -> DVec3 {
+    Vec3::from_array(v).as_dvec3()
+}
+
+impl Stage {
+    fn basis(&self) -> usize {
+        basis_count(self.degree)
+    }
+
+    fn eye(&self) -> Eye {
+        (&self.shot.view).into()
+    }
+
+    /// The splats for the reference implementation.
+    fn rows(&self) -> Vec<(reference::Splat, Vec<DVec3>)> {
+        let colours = self.coefficients.chunks(self.basis());
+        self.splats.iter().zip(colours).map(|(s, c)| (s.into(), c.iter().copied().map(wide).collect())).collect()
+    }
+
+    fn wanted(&self) -> Vec<DVec4> {
+        let part = |word: u32, c: u32| f64::from(word >> (8 * c) & 255) / 255.0;
+        self.wanted.iter().map(|&w| DVec4::from_array([0, 1, 2, 3].map(|c| part(w, c)))).collect()
+    }
+
+    fn picture_of(&self, rows: &[(reference::Splat, Vec<DVec3>)]) -> Vec<DVec4> {
+        picture::picture(rows, &self.eye(), SIZE, wide(self.shot.background))
+    }
+
+    fn losses_of(&self, picture: &[DVec4]) -> [f64; 2] {
+        picture::losses(picture, &self.wanted(), SIZE, wide(self.shot.background))
+    }
+
+    fn loss_of(&self, rows: &[(reference::Splat, Vec<DVec3>)]) -> f64 {
+        picture::loss(self.losses_of(&self.picture_of(rows)), SSIM_WEIGHT)
+    }
+
+    fn params(&self) -> PictureProjectParams {
+        PictureProjectParams {
+            view: self.shot.view,
+            size: SIZE,
+            splat_count: self.splats.len() as u32,
+            coefficients: self.basis() as u32,
+        }
+    }
+}
+
+/// Draws, compares and differentiates.
+fn made(gpu: &Gpu, stage: &Stage) -> Picture {
+    let splats = gpu.upload("splats", "test", &stage.splats).unwrap();
+    let harmonics = gpu.upload("harmonics", "test", &stage.coefficients).unwrap();
+    let wanted = gpu.upload("wanted", "test", &stage.wanted).unwrap();
+    let mut picture = Picture::new(gpu, stage.splats.len(), stage.basis(), SIZE).unwrap();
+    let of = Splats { splats: &splats, harmonics: &harmonics };
+    run(gpu, |r| picture.draw(r, &of, &stage.shot));
+    if picture.needed().unwrap() > picture.capacity() {
+        picture.grow(picture.needed().unwrap()).unwrap();
+        run(gpu, |r| picture.draw(r, &of, &stage.shot));
+    }
+    run(gpu, |r| {
+        picture.compare(r, &wanted, stage.shot.background, SSIM_WEIGHT as f32);
+        picture.differentiate(r, &of, &stage.shot.view);
+    });
+    picture
+}
+
+/// Projects with the kernel alone: the splats on the picture, and their numbers of tiles.
+fn projected(gpu: &Gpu, stage: &Stage) -> (Buffer<PictureSplat>, Vec<u32>) {
+    let kernel = Kernel::new(gpu, &shaders_glsl::PICTURE_PROJECT, &[]).unwrap();
+    let splats = gpu.upload("splats", "test", &stage.splats).unwrap();
+    let harmonics = gpu.upload("harmonics", "test", &stage.coefficients).unwrap();
+    let mut seen = gpu.buffer("seen", "test", stage.splats.len()).unwrap();
+    let mut counts = gpu.buffer("counts", "test", stage.splats.len()).unwrap();
+    run(gpu, |r| {
+        r.pass(&kernel)
+            .read("splats", &splats)
+            .read("harmonics_of", &harmonics)
+            .write("picture_splats", &mut seen)
+            .write("pair_counts", &mut counts)
+            .push(&stage.params())
+            .dispatch_over(stage.splats.len() as u32);
+    });
+    (seen, counts.read().unwrap())
+}
+
+pub fn picture_project() {
+    let gpu = Device::boot();
+    for degree in 0..=3 {
+        let stage = stage(300 + u64::from(degree), 400, degree);
+        let (seen, _) = projected(&gpu, &stage);
+        let (mut places, mut shapes, mut values) = (vec![], vec![], vec![]);
+        for (got, (s, c)) in seen.read().unwrap().iter().zip(stage.rows()) {
+            let Some(wanted) = picture::projected(&s, &c, &stage.eye(), SIZE) else { continue };
+            let unit = wanted.covariance.determinant().sqrt();
+            let conic = wanted.covariance.inverse() * unit;
+            places.extend(got.centre.iter().zip(wanted.centre.to_array()).map(|(&g, w)| (f64::from(g), w)));
+            let wanted_conic = [conic.x_axis.x, conic.x_axis.y, conic.y_axis.y];
+            shapes.extend(got.conic.iter().zip(wanted_conic).map(|(&g, w)| (f64::from(g) * unit, w)));
+            values.push((f64::from(got.opacity), wanted.thickness));
+            values.push((f64::from(got.depth), wanted.depth));
+            values.extend(got.colour.iter().zip(wanted.colour.to_array()).map(|(&g, w)| (f64::from(g), w)));
+        }
+        assert!(places.len() > 300, "{} splats are too few to tell", places.len() / 2);
+        assert_close("picture_project: centres", Bound::new(2e-4, 1e-6), places);
+        assert_close("picture_project: conics", Bound::new(1e-4, 1e-4), shapes);
+        assert_close("picture_project: opacity, depth, colour", Bound::new(1e-5, 1e-5), values);
+    }
+}
+
+pub fn picture_pairs() {
+    let gpu = Device::boot();
+    let stage = stage(310, 300, 1);
+    let (seen, counts) = projected(&gpu, &stage);
+    let mut offsets = vec![0];
+    for count in &counts {
+        offsets.push(offsets[offsets.len() - 1] + count);
+    }
+    let total = offsets[counts.len()] as usize;
+    let kernel = Kernel::new(&gpu, &shaders_glsl::PICTURE_PAIRS, &[]).unwrap();
+    let pair_offsets = gpu.upload("offsets", "test", &offsets).unwrap();
+    let emitted = |capacity: usize| {
+        let [mut keys, mut values, mut splats] =
+            ["keys", "values", "splats"].map(|name| gpu.upload(name, "test", &vec![u32::MAX; total]).unwrap());
+        run(&gpu, |r| {
+            r.pass(&kernel)
+                .read("picture_splats", &seen)
+                .read("pair_offsets", &pair_offsets)
+                .write("keys", &mut keys)
+                .write("values", &mut values)
+                .write("pair_splats", &mut splats)
+                .push(&PicturePairParams {
+                    size: SIZE,
+                    splat_count: counts.len() as u32,
+                    capacity: capacity as u32,
+                    depth_bits: 20,
+                    nearest: 20.0,
+                    farthest: 200.0,
+                })
+                .dispatch_over(counts.len() as u32);
+        });
+        [keys, values, splats].map(|buffer| buffer.read().unwrap())
+    };
+    let [keys, values, splats] = emitted(total);
+    assert!(values.iter().copied().eq(0..total as u32), "a pair's value is its number");
+    // Each splat has the tiles with a pixel that it is drawn in, and hardly any other.
+    let columns = SIZE[0].div_ceil(8);
+    let (mut idle, mut steps) = (0, vec![]);
+    for (i, (s, c)) in stage.rows().iter().enumerate() {
+        let own = offsets[i] as usize..offsets[i + 1] as usize;
+        assert!(splats[own.clone()].iter().all(|&s| s == i as u32), "the pairs of splat {i} are together");
+        let tiles: Vec<u32> = keys[own.clone()].iter().map(|key| key >> 20).collect();
+        let quad = picture::projected(s, c, &stage.eye(), SIZE);
+        for tile in 0..columns * SIZE[1].div_ceil(8) {
+            let drawn = |margin: f64| {
+                quad.as_ref().is_some_and(|quad| {
+                    (0..64).any(|pixel| {
+                        let place = [tile % columns * 8 + pixel % 8, tile / columns * 8 + pixel / 8];
+                        let inside = place[0] < SIZE[0] && place[1] < SIZE[1];
+                        let d = glam::DVec2::from_array(place.map(f64::from)) + 0.5 - quad.centre;
+                        inside && d.dot(quad.covariance.inverse() * d) < quad.edge() * margin
+                    })
+                })
+            };
+            match tiles.contains(&tile) {
+                true => idle += usize::from(!drawn(1.001)),
+                false => assert!(!drawn(0.999), "splat {i} is drawn in tile {tile} and has no pair there"),
+            }
+        }
+        if let Some(quad) = quad {
+            let step = (quad.depth - 20.0) / 180.0 * f64::from((1 << 20) - 1);
+            steps.extend(keys[own].iter().map(|key| (f64::from(key & ((1 << 20) - 1)), step)));
+        }
+    }
+    // Between the middles of the pixels a tile has places where no pixel is.
+    assert!(idle * 10 < total, "{idle} of {total} pairs are of tiles that the splat is not drawn in");
+    assert_close("picture_pairs: depths", Bound::new(4.0, 0.0), steps);
+    let [fewer, ..] = emitted(total / 2);
+    assert_eq!(fewer[..total / 2], keys[..total / 2]);
+    assert!(fewer[total / 2..].iter().all(|&key| key == u32::MAX), "nothing is written behind the capacity");
+}
+
+pub fn picture_blend() {
+    let gpu = Device::boot();
+    for (seed, count) in [(320, 300), (321, 3), (322, 2000)] {
+        let stage = stage(seed, count, 2);
+        let picture = made(&gpu, &stage);
+        let got = picture.colours.read().unwrap();
+        let wanted = stage.picture_of(&stage.rows());
+        let pairs = got.iter().zip(&wanted).flat_map(|(g, w)| g.map(f64::from).into_iter().zip(w.to_array()));
+        // Where an opacity is cut to 0, and where the walk ends, either side may be right.
+        assert_close("picture_blend", Bound::new(3e-5, 0.0).outliers(0.02, 8e-3), pairs);
+    }
+}
+
+pub fn picture_ssim() {
+    let gpu = Device::boot();
+    let stage = stage(330, 200, 1);
+    let picture = made(&gpu, &stage);
+    let seen: Vec<DVec4> =
+        picture.colours.read().unwrap().iter().map(|c| DVec4::from_array(c.map(f64::from))).collect();
+    let wanted = stage.losses_of(&seen);
+    assert_close("picture_ssim", Bound::new(2e-6, 0.0), picture.losses().unwrap().into_iter().zip(wanted));
+}
+
+pub fn picture_loss_grad() {
+    let gpu = Device::boot();
+    let stage = stage(340, 200, 1);
+    let picture = made(&gpu, &stage);
+    let seen: Vec<DVec4> =
+        picture.colours.read().unwrap().iter().map(|c| DVec4::from_array(c.map(f64::from))).collect();
+    let got = picture.picture_gradient.read().unwrap();
+    let mut rng = random(341);
+    let loss = |picture: &[DVec4]| picture::loss(stage.losses_of(picture), SSIM_WEIGHT);
+    let count = (SIZE[0] * SIZE[1]) as usize;
+    // The corners, and others.
+    let places = [0, SIZE[0] as usize - 1, count - 1].into_iter().chain((0..40).map(|_| rng.random_range(0..count)));
+    let pairs = places.flat_map(|at| (0..3).map(move |c| (at, c))).map(|(at, c)| {
+        let moved = |step: f64| {
+            let mut moved = seen.clone();
+            moved[at][c] += step;
+            loss(&moved)
+        };
+        let slope = (moved(1e-6) - moved(-1e-6)) / 2e-6;
+        (f64::from(got[at][c]) * count as f64, slope * count as f64)
+    });
+    assert_close("picture_loss_grad", Bound::new(2e-4, 1e-3), pairs);
+}
+
+/// All of the way back: the derivatives of the loss by each parameter against central differences of the reference.
+pub fn picture_blend_grad() {
+    let gpu = Device::boot();
+    for (seed, degree) in [(350, 0), (351, 1), (352, 3)] {
+        let stage = stage(seed, 30, degree);
+        let picture = made(&gpu, &stage);
+        let (rows, colours) = (picture.rows.read().unwrap(), picture.harmonic_rows.read().unwrap());
+        let base = stage.rows();
+        // An opacity that is cut to 0 at 1/255 jumps there; of three steps the middle slope has no jump in it.
+        let slope = |change: &dyn Fn(&mut (reference::Splat, Vec<DVec3>), f64), i: usize| {
+            let mut slopes = [1e-5, 3e-6, 1e-6].map(|step| {
+                let moved = |step: f64| {
+                    let mut rows = base.clone();
+                    change(&mut rows[i], step);
+                    stage.loss_of(&rows)
+                };
+                (moved(step) - moved(-step)) / (2.0 * step)
+            });
+            slopes.sort_by(f64::total_cmp);
+            slopes[1]
+        };
+        let (mut shapes, mut own) = (vec![], vec![]);
+        for (i, row) in rows.iter().enumerate() {
+            let SplatGrad { mean, opacity_logit, rotation, log_scale, intensity } = *row;
+            assert_eq!(intensity, 0.0);
+            for k in 0..3 {
+                shapes.push((mean[k], slope(&|(s, _), step| s.mean[k] += step, i)));
+                shapes.push((log_scale[k], slope(&|(s, _), step| s.log_scale[k] += step, i)));
+                let turn = |(s, _): &mut (reference::Splat, Vec<DVec3>), step: f64| {
+                    s.rotation *= DQuat::from_scaled_axis(DVec3::AXES[k] * step);
+                };
+                shapes.push((rotation[k], slope(&turn, i)));
+            }
+            shapes.push((opacity_logit, slope(&|(s, _), step| s.opacity_logit += step, i)));
+            for k in 0..stage.basis() {
+                for c in 0..3 {
+                    own.push((
+                        colours[i * stage.basis() + k][c],
+                        slope(&|(_, colour), step| colour[k][c] += step, i),
+                    ));
+                }
+            }
+        }
+        let scaled = |pairs: Vec<(f32, f64)>| {
+            let unit = pairs.iter().map(|(_, w)| w.abs()).fold(0.0, f64::max);
+            pairs.into_iter().map(move |(g, w)| (f64::from(g) / unit, w / unit))
+        };
+        let name = format!("picture_blend_grad, degree {degree}");
+        assert_close(&format!("{name}: shapes"), Bound::new(1e-3, 2e-3).outliers(0.01, 0.05), scaled(shapes));
+        assert_close(&format!("{name}: colours"), Bound::new(1e-3, 2e-3).outliers(0.01, 0.05), scaled(own));
+    }
+}
+
+/// The same bits again, gradients of zero for splats that are not seen, and none that is not a number.
+pub fn picture_project_grad() {
+    let gpu = Device::boot();
+    let mut stage = stage(360, 500, 2);
+    for s in stage.splats.iter_mut().step_by(7) {
+        s.mean = [900.0, -3.0, 5.0];
+    }
+    stage.splats[1].log_scale = [-30.0; 3];
+    stage.splats[2].log_scale = [12.0, -12.0, 0.0];
+    stage.splats[3].opacity_logit = 1000.0;
+    stage.splats[4].mean = [f32::NAN, 0.0, 0.0];
+    let [first, second] = [(); 2].map(|()| made(&gpu, &stage));
+    let (rows, colours) = (first.rows.read().unwrap(), first.harmonic_rows.read().unwrap());
+    assert_eq!(bytemuck::cast_slice::<_, u8>(&rows), bytemuck::cast_slice::<_, u8>(&second.rows.read().unwrap()));
+    assert_eq!(colours, second.harmonic_rows.read().unwrap());
+    for (i, row) in rows.iter().enumerate() {
+        let floats: [f32; 11] = bytemuck::cast(*row);
+        assert!(floats.iter().all(|v| v.is_finite()), "{i}: {row:?}");
+        if i % 7 == 0 || i == 4 {
+            assert!(floats.iter().all(|&v| v == 0.0), "{i}: {row:?}");
+            assert!(colours[i * 9..][..9].iter().flatten().all(|&v| v == 0.0));
+        }
+    }
+}
+
+pub fn adam_harmonics() {
+    let gpu = Device::boot();
+    let (splats, coefficients) = (50, 4);
+    let count = splats * coefficients;
+    let mut rng = random(370);
+    let mut values = |low: f32, high: f32| -> Vec<[f32; 3]> {
+        (0..count).map(|_| std::array::from_fn(|_| rng.random_range(low..high))).collect()
+    };
+    let (before, mut gradients) = (values(-1.0, 1.0), values(-0.3, 0.3));
+    gradients[5] = [f32::NAN, 0.0, 0.0];
+    let mut state = HarmonicsState::new(&gpu, &before).unwrap();
+    let mut picture = Picture::new(&gpu, splats, coefficients, SIZE).unwrap();
+    let params = |step: i32, capacity: u32| AdamHarmonicsParams {
+        count: count as u32,
+        coefficients: coefficients as u32,
+        capacity,
+        beta1: 0.9,
+        beta2: 0.99,
+        correction1: (1.0 / (1.0 - 0.9f64.powi(step))) as f32,
+        correction2: (1.0 / (1.0 - 0.99f64.powi(step))) as f32,
+        epsilon: 1e-15,
+        rate: 0.02,
+        rate_rest: 0.001,
+    };
+    picture.harmonic_rows.write_range(0, &gradients).unwrap();
+    picture.pair_totals.write_range(0, &[10]).unwrap();
+    run(&gpu, |r| picture.step_harmonics(r, &mut state, &params(1, 9)));
+    assert_eq!(state.harmonics.read().unwrap(), before, "a step without room is void");
+    for step in 1..=2 {
+        run(&gpu, |r| picture.step_harmonics(r, &mut state, &params(step, 10)));
+    }
+    let pairs = state.harmonics.read().unwrap().into_iter().zip(before).zip(gradients).enumerate().flat_map(
+        |(i, ((got, before), g))| {
+            let rate = if i % coefficients == 0 { 0.02 } else { 0.001 };
+            // The same gradient twice: both of Adam's means are of it alone.
+            let sound = g.iter().all(|v| v.is_finite());
+            let moved = move |c: usize| if sound { 2.0 * rate * f64::from(g[c].signum()) } else { 0.0 };
+            (0..3).map(move |c| (f64::from(got[c]), f64::from(before[c]) - moved(c)))
+        },
+    );
+    assert_close("adam_harmonics", Bound::new(1e-6, 1e-6), pairs);
+}

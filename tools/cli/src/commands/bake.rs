@@ -1,0 +1,210 @@
+//! Bakes what a transfer function shows of splats into colours for other viewers (`vgs bake`).
+
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use engine::bake::{Baked, Options, Progress, bake};
+use engine::render::{Look, ObjectChange};
+use engine::splat::{self, PlyLayout, ReadOptions, SplatSet, WriteOptions};
+use engine::{Error, Kind};
+
+use crate::shared::console::Console;
+use crate::shared::failure::Stop;
+use crate::shared::figures::{bytes, seconds};
+use crate::shared::flags::{Clip, DeviceArguments, duration};
+use crate::shared::looks::look_of;
+use crate::shared::outputs;
+use crate::shared::signals::Signals;
+use crate::shared::splat_files::layout;
+use crate::shared::waiting::Waiting;
+
+/// Bakes what a transfer function shows of splats into colours and opacities, for viewers that know no intensities
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES)]
+pub struct BakeArguments {
+    /// The splats, with HU
+    #[arg(value_name = "SPLATS")]
+    splats: PathBuf,
+    /// The file: .ply, .spz, which is small, or .glb (glTF with KHR_gaussian_splatting)
+    #[arg(short, long, value_name = "OUT", help_heading = "Output")]
+    output: PathBuf,
+    /// Replaces an output that exists
+    #[arg(short, long, help_heading = "Output")]
+    force: bool,
+    /// How a PLY is laid out: vgs, what most programs read, or inria (rows of 62 floats, for programs that know no others)
+    #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = layout, help_heading = "Output")]
+    ply_layout: &'static PlyLayout,
+    /// Transfer function: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default: of several objects the usual
+    /// look of each; of one CT-Bone, or MR-Default without HU; where that shows nothing, a preset that does]
+    #[arg(long, value_name = "PRESET|FILE", help_heading = "Picture")]
+    tf: Option<String>,
+    /// Lights surfaces, or not; as the transfer function says by default. The light stays above the viewer's left shoulder
+    #[arg(long, value_name = "on|off", value_parser = ["on", "off"], help_heading = "Picture")]
+    shade: Option<String>,
+    /// How an object is shown, as in `vgs render`: NAME:colour=#rrggbb, opacity=0..1, tf=CT-Bone, hidden; may be repeated
+    #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
+    object: Vec<ObjectChange>,
+    /// Gives each object its usual colour, as in `vgs render`
+    #[arg(long, help_heading = "Picture")]
+    object_colours: bool,
+    /// Cuts away, as in `vgs render`: x<MM, x>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 keeps a box; may be repeated
+    #[arg(long, value_name = "PLANE|BOX", allow_hyphen_values = true, help_heading = "Picture")]
+    clip: Vec<Clip>,
+    /// Steps, a picture each; 0 for the colours and opacities that are found without pictures
+    #[arg(long, value_name = "N", default_value_t = Options::default().iterations, help_heading = "Quality")]
+    iterations: u32,
+    /// Most time for the steps, as 30s or 5m
+    #[arg(long, value_name = "TIME", value_parser = duration, help_heading = "Quality")]
+    time_budget: Option<Duration>,
+    /// Most splats: of more the most important are kept
+    #[arg(long, value_name = "N", help_heading = "Quality", value_parser = clap::value_parser!(u32).range(1..))]
+    max_splats: Option<u32>,
+    /// Pictures, all around, that the splats are fitted to
+    #[arg(long, value_name = "N", default_value_t = Options::default().views, help_heading = "Quality")]
+    views: usize,
+    /// Width and height of these pictures, pixels
+    #[arg(long, value_name = "PIXELS", default_value_t = Options::default().size, help_heading = "Quality")]
+    size: u32,
+    /// Degree of the harmonics by which colours depend on the direction, 0 to 3 [default: 2 with light, else 0]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Quality")]
+    degree: Option<u8>,
+    /// Seed of the order of the pictures; the same seed on the same device gives the same file
+    #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Quality")]
+    seed: u64,
+    #[command(flatten)]
+    device: DeviceArguments,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  vgs bake bones.ply -o bones-baked.ply
+  vgs bake bones.vgs -o bones.spz --tf CT-Bones-Steep --shade off
+  vgs bake organs.ply -o organs.glb --object-colours --max-splats 20000 --time-budget 1m
+
+What other viewers draw of the file is what `vgs render` shows in mode decoded, as near as splats of fixed colours
+come: the PSNR that is told is that of views between those which were fitted. The file has no HU: keep the splats
+that it is made of.";
+
+/// Runs the command.
+pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
+    let (splats, output) = (&arguments.splats, &arguments.output);
+    outputs::check(&[output], &[splats], arguments.force)?;
+    let set = splat::read(splats, &ReadOptions::default())?;
+    splat::check_held(output, &SplatSet::default())?;
+    if splat::rounds(output) {
+        let message = "this format holds intensities, and baked splats have colours";
+        return Err(Error::new(Kind::Usage, "VGS-CLI-173", message)
+            .file(output)
+            .help("write a .ply, .spz or .glb")
+            .into());
+    }
+    let look = arguments.look(&set)?;
+    let options = arguments.options();
+    options.check()?;
+    if set.splats.is_empty() {
+        let message = "coded voxels, and splats are baked";
+        return Err(Error::new(Kind::Usage, "VGS-CLI-171", message)
+            .file(splats)
+            .help("fit splats to the volume: vgs fit")
+            .into());
+    }
+    let signals = Signals::install()?;
+    let gpu = arguments.device.boot()?;
+    let baked = {
+        let rendering = Waiting::on("rendering the pictures that are wanted");
+        let mut training = None;
+        signals.defer_first_signal();
+        bake(&gpu, &set, &look, &options, &mut |progress| {
+            match *progress {
+                Progress::Rendering(done, all) => rendering.at(done as f64 / all.max(1) as f64),
+                Progress::Training(_, share) => {
+                    training.get_or_insert_with(|| Waiting::on("fitting the splats to the pictures")).at(share);
+                }
+            }
+            match signals.exit_code() {
+                Some(_) => ControlFlow::Break(()),
+                None => ControlFlow::Continue(()),
+            }
+        })
+        .map_err(|error| error.file(splats))?
+    };
+    if baked.set.splats.is_empty() {
+        let message = format!("{} shows none of these splats", look.transfer.name);
+        return Err(Error::new(Kind::NothingToDo, "VGS-CLI-172", message)
+            .file(splats)
+            .help("choose another --tf, or show an object")
+            .into());
+    }
+    let write = WriteOptions { layout: arguments.ply_layout, force: arguments.force, ..WriteOptions::default() };
+    splat::write_as(output, &baked.set, &write)?;
+    arguments.tell(console, &look, &baked)?;
+    Ok(signals.exit_code().unwrap_or(0))
+}
+
+impl BakeArguments {
+    fn options(&self) -> Options {
+        Options {
+            views: self.views,
+            size: self.size,
+            iterations: self.iterations,
+            time_budget: self.time_budget,
+            max_splats: self.max_splats.map(|most| most as usize),
+            degree: self.degree,
+            seed: self.seed,
+            ..Options::default()
+        }
+    }
+
+    fn look(&self, set: &SplatSet) -> engine::Result<Look> {
+        let range = set.intensity_range().unwrap_or([0.0, 1.0]);
+        let mut look = look_of(set, self.tf.as_deref())?;
+        if let Some(shade) = &self.shade {
+            look.transfer.material.shade = shade == "on";
+        }
+        let there = set.objects();
+        if self.object_colours {
+            look.tint_objects(&there);
+        }
+        for change in &self.object {
+            change.apply(&there, &mut look, range)?;
+        }
+        look.clip.extend(self.clip.iter().flat_map(|clip| clip.0.iter().copied()));
+        Ok(look)
+    }
+
+    fn tell(&self, console: &Console, look: &Look, baked: &Baked) -> engine::Result<()> {
+        let report = &baked.report;
+        let size = std::fs::metadata(&self.output).map_or(0, |found| found.len());
+        let count = baked.set.splats.len();
+        if console.json {
+            return console.json_data(&serde_json::json!({
+                "output": self.output, "splats": count, "bytes": size, "hidden": baked.hidden,
+                "transfer_function": look.transfer.name, "iterations": report.steps,
+                "psnr_before_db": report.before, "psnr_db": report.after,
+                "rendering_s": report.rendering_s, "training_s": report.training_s,
+            }));
+        }
+        if !report.after.is_empty() {
+            let mean = |views: &[f64]| views.iter().sum::<f64>() / views.len() as f64;
+            let worst = report.after.iter().copied().fold(f64::INFINITY, f64::min);
+            console.say(&format!(
+                "{:.1} dB on {} views that were not fitted, {worst:.1} in the worst; {:.1} before {} steps",
+                mean(&report.after),
+                report.after.len(),
+                mean(&report.before),
+                report.steps
+            ));
+        }
+        console.say(&format!(
+            "{}: {count} splats, {} ({:.1} bytes each), {} for pictures and {} for steps; without HU",
+            self.output.display(),
+            bytes(size),
+            size as f64 / count.max(1) as f64,
+            seconds(report.rendering_s),
+            seconds(report.training_s)
+        ));
+        Ok(())
+    }
+}
