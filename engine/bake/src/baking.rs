@@ -16,6 +16,11 @@ use splat::{Activations, SplatSet};
 /// Mode whose pictures are wanted.
 const WANTED: &str = "decoded";
 
+/// Shares of the steps after which splats are split.
+const GROWTHS: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
+/// Most splats for one of the beginning, where nothing else is said.
+const GROWTH: usize = 2;
+
 /// What baking is at.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {
@@ -92,6 +97,9 @@ pub fn bake(
     let mut training = Training::new(gpu, &out, options.degree.unwrap_or(lit), &trained, options)?;
     report.before = training.psnr(&held_out)?;
     let begun = Instant::now();
+    let first = out.splats.len();
+    let most = options.max_splats.unwrap_or(GROWTH * first).max(first);
+    let mut grown = 0;
     loop {
         let steps = f64::from(training.steps()) / f64::from(options.iterations.max(1));
         let time = options.time_budget.map_or(0.0, |most| begun.elapsed().as_secs_f64() / most.as_secs_f64());
@@ -100,13 +108,22 @@ pub fn bake(
         if training.steps() >= options.iterations || !(time < 1.0) || told.is_break() {
             break;
         }
+        // Splats come in equal factors, while the rates are high.
+        let due = GROWTHS.iter().filter(|&&at| at <= done).count();
+        if due > grown {
+            grown = due;
+            let share = due as f64 / GROWTHS.len() as f64;
+            training.grow((first as f64 * (most as f64 / first as f64).powf(share)).round() as usize)?;
+        }
         training.step(&trained, done)?;
     }
     report.training_s = begun.elapsed().as_secs_f64();
     report.steps = training.steps();
     report.after = training.psnr(&held_out)?;
     let (splats, colours) = training.splats(out.origin_mm)?;
+    out = out.of_rows(training.rows());
     out.splats = splats;
+    let rows = training.rows().iter().map(|&row| rows[row]).collect();
     for (i, splat) in out.splats.iter_mut().enumerate() {
         splat.intensity = luminance(colours.of(i));
     }

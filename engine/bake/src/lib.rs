@@ -10,11 +10,13 @@
 //! | `options` | [`Options`]: how many pictures, how large, how long |
 //! | `views` | [`Views`]: cameras all around, and the pictures that are wanted there |
 //! | `training` | [`Training`]: splats on the device, moved by the derivatives of pictures |
+//! | `splitting` | more splats where the pictures ask for them |
 //! | `baking` | [`bake()`]: all of it, and [`Report`]: how near the pictures come, on views that were not trained |
 #![forbid(unsafe_code)]
 
 mod baking;
 mod options;
+mod splitting;
 mod training;
 mod views;
 

@@ -18,7 +18,7 @@ pub struct Options {
     pub iterations: u32,
     /// Most time for the steps; `None` takes as long as they need. The rates of the steps follow the share of the time.
     pub time_budget: Option<Duration>,
-    /// Most splats: of more the most important are kept.
+    /// Most splats: of more the most important are kept, and fewer become as many; `None` for twice as many as there are.
     pub max_splats: Option<usize>,
     /// Highest degree of the harmonics; `None` for 2 where there is light and 0 elsewhere.
     pub degree: Option<u8>,

@@ -7,6 +7,7 @@ use rand_pcg::Pcg64;
 use shaders_glsl::types::{AdamHarmonicsParams, AdamParams};
 
 use super::options::Options;
+use super::splitting::{Split, split};
 use super::views::Views;
 use base::error::{Error, Kind, Result};
 use gpu::Gpu;
@@ -22,13 +23,13 @@ const BETAS: [f64; 2] = [0.9, 0.99];
 const EPSILON: f32 = 1e-15;
 /// Rates of the first step: means in mean standard deviations of all splats, the others in their own units. Those of
 /// the last step are [`LAST_RATES`] of them.
-const MEAN_RATE: f64 = 0.08;
-const ROTATION_RATE: f64 = 0.02;
-const SCALE_RATE: f64 = 0.02;
-const OPACITY_RATE: f64 = 0.06;
-const COLOUR_RATE: f64 = 0.02;
-const REST_RATE: f64 = 0.006;
-const LAST_RATES: f64 = 0.05;
+const MEAN_RATE: f64 = 0.2;
+const ROTATION_RATE: f64 = 0.07;
+const SCALE_RATE: f64 = 0.07;
+const OPACITY_RATE: f64 = 0.15;
+const COLOUR_RATE: f64 = 0.04;
+const REST_RATE: f64 = 0.015;
+const LAST_RATES: f64 = 0.1;
 /// Range of the standard deviations, in the mean one of all splats.
 const SCALES: [f64; 2] = [0.02, 20.0];
 /// Greatest magnitude of an opacity logit.
@@ -42,6 +43,7 @@ pub struct Training {
     state: AdamState,
     colours: HarmonicsState,
     coefficients: usize,
+    size: [u32; 2],
     /// World position of the space in which the splats are here: all coordinates are positive in it, mm.
     corner: DVec3,
     extent: Vec3,
@@ -49,11 +51,45 @@ pub struct Training {
     sigma: f64,
     rng: Pcg64,
     order: Vec<usize>,
+    /// Row of each splat in the set of the beginning.
+    rows: Vec<usize>,
     step: u32,
+    /// Steps since Adam began.
+    adam_steps: u32,
     ssim_weight: f32,
 }
 
 impl Training {
+    /// Splits splats until there are `count`, if there are fewer, where the derivatives by their means were greatest since
+    /// the last time. Adam begins anew. Waits for the device.
+    pub fn grow(&mut self, count: usize) -> Result<()> {
+        let splats = self.state.splats.read()?;
+        let weights: Vec<f32> = self.state.histories.read()?.iter().map(|row| row.gradient_norm).collect();
+        let Split { splats, rows } = split(&splats, &weights, count);
+        let colours = self.colours.harmonics.read()?;
+        let own = |&row: &usize| colours[row * self.coefficients..][..self.coefficients].to_vec();
+        let colours: Vec<[f32; 3]> = rows.iter().flat_map(own).collect();
+        self.rows = rows.iter().map(|&row| self.rows[row]).collect();
+        self.picture = Picture::new(&self.gpu, splats.len(), self.coefficients, self.size)?;
+        self.begin(&splats, &colours)
+    }
+
+    /// Sets the splats and their coefficients; Adam knows nothing of them.
+    fn begin(&mut self, splats: &[Splat], colours: &[[f32; 3]]) -> Result<()> {
+        self.state = AdamState::zeroed(&self.gpu, splats.len())?;
+        self.state.splats.write_range(0, splats)?;
+        let history = History { gradient_norm: 0.0, log_scale_cap: NO_CAP };
+        self.state.histories.write_range(0, &vec![history; splats.len()])?;
+        self.colours = HarmonicsState::new(&self.gpu, colours)?;
+        self.adam_steps = 0;
+        Ok(())
+    }
+
+    /// Returns the row of each splat in the set of the beginning.
+    pub fn rows(&self) -> &[usize] {
+        &self.rows
+    }
+
     /// Begins with the splats of a set with colours, whose harmonics get this degree, for the pictures of `views`.
     ///
     /// # Errors
@@ -68,32 +104,33 @@ impl Training {
         let (centre, radius) = views.ball;
         let corner = centre - DVec3::splat(2.0 * radius);
         let shift = (set.origin_mm - corner).as_vec3();
-        let mut state = AdamState::zeroed(gpu, count)?;
         let moved = |splat: &Splat| {
             let mean = (Vec3::from_array(splat.mean) + shift).to_array();
             Splat { mean, intensity: 0.0, ..*splat }
         };
-        state.splats.write_range(0, &set.splats.iter().map(moved).collect::<Vec<_>>())?;
-        state.histories.write_range(0, &vec![History { gradient_norm: 0.0, log_scale_cap: NO_CAP }; count])?;
+        let splats: Vec<Splat> = set.splats.iter().map(moved).collect();
         let coefficients = basis_count(degree);
-        let rows: Vec<[f32; 3]> =
-            (0..count).flat_map(|i| of_degree(colours.of(i), coefficients)).collect();
-        let picture = Picture::new(gpu, count, coefficients, views.size)?;
-        Ok(Training {
+        let rows: Vec<[f32; 3]> = (0..count).flat_map(|i| of_degree(colours.of(i), coefficients)).collect();
+        let mut training = Training {
             gpu: gpu.clone(),
-            picture,
+            picture: Picture::new(gpu, count, coefficients, views.size)?,
             adam: Adam::new(gpu)?,
-            state,
+            state: AdamState::zeroed(gpu, count)?,
             colours: HarmonicsState::new(gpu, &rows)?,
             coefficients,
+            size: views.size,
             corner,
             extent: Vec3::splat(4.0 * radius as f32),
             sigma,
             rng: Pcg64::new(u128::from(options.seed), 0xa02_bdbf_7bb3_c0a7),
             order: Vec::new(),
+            rows: (0..count).collect(),
             step: 0,
+            adam_steps: 0,
             ssim_weight: options.ssim_weight as f32,
-        })
+        };
+        training.begin(&splats, &rows)?;
+        Ok(training)
     }
 
     /// Returns the number of steps that are done.
@@ -119,6 +156,7 @@ impl Training {
         let shot = self.shot(&views.cameras[view], views.ball, background);
         let wanted = &views.wanted[view];
         self.step += 1;
+        self.adam_steps += 1;
         loop {
             let (adam, harmonics) = self.params(done);
             let mut recorder = self.gpu.record()?;
@@ -145,7 +183,7 @@ impl Training {
         let rate = |first: f64| (first * decay) as f32;
         let [beta1, beta2] = BETAS.map(|beta| beta as f32);
         let [correction1, correction2] =
-            BETAS.map(|beta| (1.0 / (1.0 - beta.powi(self.step.min(1 << 20) as i32))) as f32);
+            BETAS.map(|beta| (1.0 / (1.0 - beta.powi(self.adam_steps.min(1 << 20) as i32))) as f32);
         let capacity = self.picture.capacity() as u32;
         let [least, most] = SCALES.map(|scale| [(scale * self.sigma).ln() as f32; 3]);
         let adam = AdamParams {

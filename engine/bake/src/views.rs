@@ -54,7 +54,8 @@ impl Views {
         let ball = ((low + high) * 0.5, ((high - low).length() * 0.5).max(1e-3));
         let cameras = around(ball.0, ball.1, count, shift)?;
         let row = mode(mode_name)?;
-        let mut renderer = Renderer::new(gpu, row, scene, &Settings { step: row.step, ..Settings::new(size) })?;
+        let mut renderer =
+            Renderer::new(gpu, row, scene, &Settings { step: row.step, ..Settings::new(size) })?;
         let mut wanted = Vec::new();
         for (i, camera) in cameras.iter().enumerate() {
             if !going(i) {

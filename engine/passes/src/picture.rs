@@ -164,7 +164,8 @@ impl Picture {
         let row = MOMENTS * size_of::<f32>();
         let most = self.pairs.most(self.gpu.limits().storage_range as usize / row);
         if pairs > most {
-            let message = format!("{pairs} pairs of a splat and a tile are needed at once; this device binds {most}");
+            let message =
+                format!("{pairs} pairs of a splat and a tile are needed at once; this device binds {most}");
             return Err(Error::new(Kind::Temporary, "VGS-BAKE-002", message)
                 .help("train with smaller pictures or fewer splats"));
         }

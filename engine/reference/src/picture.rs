@@ -31,12 +31,7 @@ pub fn projected(splat: &Splat, coefficients: &[DVec3], eye: &Eye, size: [u32; 2
 }
 
 /// Returns the picture, rows from above: the colour over the background, and what passes of it.
-pub fn picture(
-    splats: &[(Splat, Vec<DVec3>)],
-    eye: &Eye,
-    size: [u32; 2],
-    background: DVec3,
-) -> Vec<DVec4> {
+pub fn picture(splats: &[(Splat, Vec<DVec3>)], eye: &Eye, size: [u32; 2], background: DVec3) -> Vec<DVec4> {
     let mut quads: Vec<Quad> = splats.iter().filter_map(|(s, c)| projected(s, c, eye, size)).collect();
     quads.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     let pixel = |i: u32| {

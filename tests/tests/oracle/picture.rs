@@ -10,7 +10,9 @@ use glam::{DQuat, DVec3, DVec4, Vec3};
 use rand::RngExt;
 use reference::eye::Eye;
 use reference::picture;
-use shaders_glsl::types::{AdamHarmonicsParams, PicturePairParams, PictureProjectParams, PictureSplat, SplatGrad};
+use shaders_glsl::types::{
+    AdamHarmonicsParams, PicturePairParams, PictureProjectParams, PictureSplat, SplatGrad,
+};
 use vgs_tests::scene::{random, splat};
 use vgs_tests::{Bound, Device, assert_close};
 
@@ -44,7 +46,8 @@ fn stage(seed: u64, count: usize, degree: u8) -> Stage {
     let coefficients = (0..count * basis_count(degree))
         .map(|_| std::array::from_fn(|_| rng.random_range(-0.9f32..0.9)))
         .collect();
-    let mut camera = Camera::from_side("anterior-left-superior", DVec3::ZERO, 26.0, 40.0, 1.2).expect("a camera");
+    let mut camera =
+        Camera::from_side("anterior-left-superior", DVec3::ZERO, 26.0, 40.0, 1.2).expect("a camera");
     camera.fov.left *= 0.8;
     let wanted = (0..SIZE[0] * SIZE[1])
         .map(|i| {
@@ -52,11 +55,7 @@ fn stage(seed: u64, count: usize, degree: u8) -> Stage {
             (0..3).fold(opacity << 24, |word, c| word | rng.random_range(0..=opacity) << (8 * c))
         })
         .collect();
-    let shot = Shot {
-        view: camera.view(DVec3::ZERO),
-        depths: [20.0, 200.0],
-        background: [0.2, 0.9, 0.5],
-    };
+    let shot = Shot { view: camera.view(DVec3::ZERO), depths: [20.0, 200.0], background: [0.2, 0.9, 0.5] };
     Stage { splats, coefficients, degree, shot, wanted }
 }
 
@@ -76,7 +75,11 @@ impl Stage {
     /// The splats for the reference implementation.
     fn rows(&self) -> Vec<(reference::Splat, Vec<DVec3>)> {
         let colours = self.coefficients.chunks(self.basis());
-        self.splats.iter().zip(colours).map(|(s, c)| (s.into(), c.iter().copied().map(wide).collect())).collect()
+        self.splats
+            .iter()
+            .zip(colours)
+            .map(|(s, c)| (s.into(), c.iter().copied().map(wide).collect()))
+            .collect()
     }
 
     fn wanted(&self) -> Vec<DVec4> {
@@ -180,8 +183,8 @@ pub fn picture_pairs() {
     let kernel = Kernel::new(&gpu, &shaders_glsl::PICTURE_PAIRS, &[]).unwrap();
     let pair_offsets = gpu.upload("offsets", "test", &offsets).unwrap();
     let emitted = |capacity: usize| {
-        let [mut keys, mut values, mut splats] =
-            ["keys", "values", "splats"].map(|name| gpu.upload(name, "test", &vec![u32::MAX; total]).unwrap());
+        let [mut keys, mut values, mut splats] = ["keys", "values", "splats"]
+            .map(|name| gpu.upload(name, "test", &vec![u32::MAX; total]).unwrap());
         run(&gpu, |r| {
             r.pass(&kernel)
                 .read("picture_splats", &seen)
@@ -274,7 +277,8 @@ pub fn picture_loss_grad() {
     let loss = |picture: &[DVec4]| picture::loss(stage.losses_of(picture), SSIM_WEIGHT);
     let count = (SIZE[0] * SIZE[1]) as usize;
     // The corners, and others.
-    let places = [0, SIZE[0] as usize - 1, count - 1].into_iter().chain((0..40).map(|_| rng.random_range(0..count)));
+    let places =
+        [0, SIZE[0] as usize - 1, count - 1].into_iter().chain((0..40).map(|_| rng.random_range(0..count)));
     let pairs = places.flat_map(|at| (0..3).map(move |c| (at, c))).map(|(at, c)| {
         let moved = |step: f64| {
             let mut moved = seen.clone();
@@ -353,7 +357,10 @@ pub fn picture_project_grad() {
     stage.splats[4].mean = [f32::NAN, 0.0, 0.0];
     let [first, second] = [(); 2].map(|()| made(&gpu, &stage));
     let (rows, colours) = (first.rows.read().unwrap(), first.harmonic_rows.read().unwrap());
-    assert_eq!(bytemuck::cast_slice::<_, u8>(&rows), bytemuck::cast_slice::<_, u8>(&second.rows.read().unwrap()));
+    assert_eq!(
+        bytemuck::cast_slice::<_, u8>(&rows),
+        bytemuck::cast_slice::<_, u8>(&second.rows.read().unwrap())
+    );
     assert_eq!(colours, second.harmonic_rows.read().unwrap());
     for (i, row) in rows.iter().enumerate() {
         let floats: [f32; 11] = bytemuck::cast(*row);

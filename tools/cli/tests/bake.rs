@@ -37,9 +37,13 @@ fn pictures_come_nearer_and_the_same_seed_gives_the_same_file() {
     let fewer = ["--max-splats", "20", "--shade", "off", "--time-budget", "2s", "--json"];
     for name in ["d.ply", "d.glb"] {
         let told = folder.run(&bake(name, &[&SMALL[..], &fewer].concat())).json();
-        assert_eq!(told["splats"], 20);
+        assert_eq!(told["splats"], 20, "{name}");
         let set = splat::read(&folder.path(name), &ReadOptions::default()).expect("splats");
-        assert_eq!(set.colours.map(|colours| colours.degree), Some(0), "without light, from any side the same");
+        assert_eq!(
+            set.colours.map(|colours| colours.degree),
+            Some(0),
+            "without light, from any side the same"
+        );
     }
 }
 

@@ -58,7 +58,8 @@ pub struct BakeArguments {
     /// Most time for the steps, as 30s or 5m
     #[arg(long, value_name = "TIME", value_parser = duration, help_heading = "Quality")]
     time_budget: Option<Duration>,
-    /// Most splats: of more the most important are kept
+    /// Most splats: of more the most important are kept, of fewer some are split where the pictures ask for it [default: twice
+    /// as many as the transfer function shows]
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = clap::value_parser!(u32).range(1..))]
     max_splats: Option<u32>,
     /// Pictures, all around, that the splats are fitted to
@@ -113,14 +114,16 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
     let signals = Signals::install()?;
     let gpu = arguments.device.boot()?;
     let baked = {
-        let rendering = Waiting::on("rendering the pictures that are wanted");
-        let mut training = None;
+        let mut waiting = (false, Waiting::on("rendering the pictures that are wanted"));
         signals.defer_first_signal();
         bake(&gpu, &set, &look, &options, &mut |progress| {
             match *progress {
-                Progress::Rendering(done, all) => rendering.at(done as f64 / all.max(1) as f64),
+                Progress::Rendering(done, all) => waiting.1.at(done as f64 / all.max(1) as f64),
                 Progress::Training(_, share) => {
-                    training.get_or_insert_with(|| Waiting::on("fitting the splats to the pictures")).at(share);
+                    if !waiting.0 {
+                        waiting = (true, Waiting::on("fitting the splats to the pictures"));
+                    }
+                    waiting.1.at(share);
                 }
             }
             match signals.exit_code() {
@@ -137,7 +140,8 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
             .help("choose another --tf, or show an object")
             .into());
     }
-    let write = WriteOptions { layout: arguments.ply_layout, force: arguments.force, ..WriteOptions::default() };
+    let write =
+        WriteOptions { layout: arguments.ply_layout, force: arguments.force, ..WriteOptions::default() };
     splat::write_as(output, &baked.set, &write)?;
     arguments.tell(console, &look, &baked)?;
     Ok(signals.exit_code().unwrap_or(0))

@@ -14,9 +14,11 @@ impl ConvertArguments {
         let range = set.intensity_range().unwrap_or([0.0, 1.0]);
         let mut look = match session {
             // One function for all, in place of those of the objects, too.
-            Some(look) if self.tf.is_some() => {
-                Look { transfer: look_of(set, self.tf.as_deref())?.transfer, functions: BTreeMap::new(), ..look }
-            }
+            Some(look) if self.tf.is_some() => Look {
+                transfer: look_of(set, self.tf.as_deref())?.transfer,
+                functions: BTreeMap::new(),
+                ..look
+            },
             Some(look) => look,
             None => look_of(set, self.tf.as_deref())?,
         };
