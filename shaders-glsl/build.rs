@@ -1,7 +1,7 @@
 //! Compiles every stage file with glslang (through shaderc), reflects it, and writes one table to `OUT_DIR`:
 //! `shaders.rs` with a `Shader` per file, a module of constants per file that has some, and a compile-time
 //! check that each struct which a shader shares with the host has the same fields at the same offsets in
-//! `interface/src/types.rs`.
+//! `interface/src/types/mod.rs`.
 //!
 //! The unoptimised SPIR-V is reflected, because optimising drops names and unused bindings; the optimised one
 //! is shipped.

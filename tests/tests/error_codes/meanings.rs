@@ -1,7 +1,7 @@
 //! What the file says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the file.
-pub const GROUPS: [(&str, &str); 32] = [
+pub const GROUPS: [(&str, &str); 33] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -17,6 +17,7 @@ pub const GROUPS: [(&str, &str); 32] = [
     ("SPLAT", "files of splats"),
     ("FILE", "splat files .vgs"),
     ("CODE", "regions coded without splats"),
+    ("BAKE", "splats for other viewers"),
     ("PLY", "PLY files"),
     ("SPZ", "SPZ files"),
     ("GLB", "binary glTF files"),

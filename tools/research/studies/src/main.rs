@@ -2,6 +2,7 @@
 //! kept as a file, so that a study that was stopped can go on.
 #![forbid(unsafe_code)]
 
+mod bake;
 mod code;
 mod model;
 mod paper;
@@ -25,6 +26,7 @@ studies paper --help
 of the frame budget
   studies model *.ply --out DIR       what a standalone headset would take for a frame
   studies code ct.nii.gz --roi bones.nii.gz    bytes of a region with a bound on every voxel's error
+  studies bake bones.ply      how near splats for other viewers come to the pictures of a fit
   studies soak --minutes 60           whether memory stays as it is"
 )]
 struct StudiesArguments {
@@ -43,6 +45,7 @@ enum Study {
     #[command(subcommand)]
     Trade(trade::TradeStudy),
     Model(model::ModelArguments),
+    Bake(bake::BakeArguments),
     Code(code::CodeArguments),
     Soak(soak::SoakArguments),
 }
@@ -58,6 +61,7 @@ fn run(arguments: &StudiesArguments) -> Result<()> {
         Study::Trade(trade::TradeStudy::Fit(a)) => trade::fit::run(&options, a),
         Study::Trade(trade::TradeStudy::Render(a)) => trade::render::run(&options, a),
         Study::Model(a) => model::run(&Gpu::new(&options)?, a),
+        Study::Bake(a) => bake::run(&Gpu::new(&options)?, a),
         Study::Code(a) => code::run(a),
         Study::Soak(a) => soak::run(&options, a),
     }

@@ -1,0 +1,83 @@
+//! `studies bake`: how near baked splats come to the pictures of the fits that they are made of.
+
+use std::fmt::Write as _;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+
+use clap::Args;
+use engine::bake::{Options, bake};
+use engine::gpu::Gpu;
+use engine::render::Look;
+use engine::splat::{self, ReadOptions};
+use engine::{Result, output, transfer};
+
+/// The transfer functions.
+const FUNCTIONS: [&str; 3] = ["CT-Bones-Steep", "CT-Soft-Tissue", "CT-Bone"];
+
+/// How near baked splats come to the pictures of the fits that they are made of.
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply
+  studies bake bones.ply --out bake.csv --force")]
+pub struct BakeArguments {
+    /// Splats with HU
+    #[arg(required = true, value_name = "SPLATS")]
+    splats: Vec<PathBuf>,
+    /// File for a row of each file, function and light (CSV)
+    #[arg(long, value_name = "FILE", default_value = "bake.csv")]
+    out: PathBuf,
+    /// Steps of the optimiser
+    #[arg(long, default_value_t = Options::default().iterations)]
+    iterations: u32,
+    /// Most splats, in those that the function shows
+    #[arg(long, default_value_t = 2.0)]
+    factor: f64,
+    /// Replaces the file
+    #[arg(long)]
+    force: bool,
+}
+
+/// Bakes every file with every function, lit and unlit.
+///
+/// # Errors
+/// Those of reading, baking and writing.
+pub fn run(gpu: &Gpu, arguments: &BakeArguments) -> Result<()> {
+    output::check_writable(&arguments.out, arguments.force)?;
+    let mut table = "case,function,light,splats_before,splats,psnr_before_db,psnr_db,worst_psnr_db,\
+                     iterations,pictures_s,steps_s\n"
+        .to_owned();
+    for path in &arguments.splats {
+        let set = splat::read(path, &ReadOptions::default())?;
+        let range = set.intensity_range().unwrap_or([0.0, 1.0]);
+        let name = path.file_stem().unwrap_or_default().to_string_lossy();
+        for (function, lit) in FUNCTIONS.iter().flat_map(|function| [(function, false), (function, true)]) {
+            let mut transfer = transfer::load(function, range)?;
+            transfer.material.shade = lit;
+            let look = Look::new(transfer);
+            let seen = engine::render::baked(gpu, &set, &look)?.set.splats.len();
+            let options = Options {
+                iterations: arguments.iterations,
+                max_splats: Some((arguments.factor * seen as f64) as usize),
+                ..Options::default()
+            };
+            let baked = bake(gpu, &set, &look, &options, &mut |_| ControlFlow::Continue(()))?;
+            let report = &baked.report;
+            let mean = |views: &[f64]| views.iter().sum::<f64>() / views.len() as f64;
+            let row = format!(
+                "{name},{function},{},{seen},{},{:.2},{:.2},{:.2},{},{:.1},{:.1}",
+                if lit { "lit" } else { "unlit" },
+                baked.set.splats.len(),
+                mean(&report.before),
+                mean(&report.after),
+                report.after.iter().copied().fold(f64::INFINITY, f64::min),
+                report.steps,
+                report.rendering_s,
+                report.training_s
+            );
+            println!("{row}");
+            let _ = writeln!(table, "{row}");
+        }
+    }
+    output::write_atomic(&arguments.out, arguments.force, |file| file.write_all(table.as_bytes()))
+}
