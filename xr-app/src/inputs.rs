@@ -205,7 +205,7 @@ mod tests {
         assert_eq!(first("ct.nii"), ("CT-Bone".into(), " HU"), "its name says that it is one");
         let path = folder.path().join("mr.ply");
         let bones =
-            splat::read(&folder.path().join("bones.ply"), &splat::ReadOptions::default()).expect("splats");
+            splat::read(folder.path().join("bones.ply"), &splat::ReadOptions::default()).expect("splats");
         splat::write(&path, &SplatSet { unit: Unit::Arbitrary, ..bones }, false).expect("a file");
         assert_eq!(first("mr.ply"), ("MR-Default".into(), ""));
     }

@@ -120,6 +120,12 @@ impl Error {
         self
     }
 
+    /// Sets the file at fault, if none is known yet.
+    #[must_use]
+    pub fn or_file(self, path: impl AsRef<Path>) -> Self {
+        if self.file.is_some() { self } else { self.file(path) }
+    }
+
     /// Sets the advice on what to do.
     #[must_use]
     pub fn help(mut self, help: impl Into<String>) -> Self {

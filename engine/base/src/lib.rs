@@ -4,7 +4,7 @@
 //! |---|---|
 //! | `error` | [`Error`]: what happened, to which file, and what to do about it |
 //! | `figures` | bytes, seconds and dates as people read them |
-//! | `input`, `output` | opening of files that a user names; files that appear whole or not at all |
+//! | `input`, `output` | files that a user names or a reader gives; files that appear whole or not at all |
 //! | `memory` | how much of the host there is; asked before what a flag or a file sizes is taken |
 //! | `names` | the name that a mistyped one stands for |
 //! | `unit` | what intensities are numbers of |

@@ -6,6 +6,7 @@ use std::path::Path;
 use super::format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
 use super::{Place, SplatSet, Unplaced, glb, join, ply, spz, vgs};
 use base::error::{Error, Kind, Result};
+use base::input::Input;
 
 /// Every format of splat sets.
 pub const FORMATS: &[Format] = &[
@@ -86,22 +87,24 @@ pub fn is_splats(path: &Path, start: &[u8]) -> bool {
     FORMATS.iter().any(|format| (format.reader.sniff)(start)) || Foreign::of(path, start).is_some()
 }
 
-/// Reads a splat set; the content of the file decides on the format, not its name. Refuses a file whose
-/// splats only a volume can place; [`read_unplaced`] reads these, too.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<SplatSet> {
-    read_unplaced(path, options)?.placed(None)
+/// Reads a splat set from a path, or from an [`Input::of`] a reader; the content of the file decides on the format, not
+/// its name. Refuses a file whose splats only a volume can place; [`read_unplaced`] reads these, too.
+pub fn read(input: impl Into<Input>, options: &ReadOptions) -> Result<SplatSet> {
+    read_unplaced(input, options)?.placed(None)
 }
 
 /// Reads a splat set that a volume may still have to place.
-pub fn read_unplaced(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
-    (sniffed(path)?.read)(path, options)
+pub fn read_unplaced(input: impl Into<Input>, options: &ReadOptions) -> Result<Unplaced> {
+    let input = input.into();
+    (sniffed(&input)?.read)(&input, options)
 }
 
 /// Reads the splats of a file as [`read_unplaced`] does, and refuses a file without usable splats.
-pub fn read_some(path: &Path) -> Result<Unplaced> {
-    let splats = read_unplaced(path, &ReadOptions::default())?;
+pub fn read_some(input: impl Into<Input>) -> Result<Unplaced> {
+    let splats = read_unplaced(input, &ReadOptions::default())?;
     if splats.is_empty() {
-        return Err(Error::new(Kind::BadData, "VGS-SPLAT-005", "the file holds no usable splat").file(path));
+        let message = "the file holds no usable splat";
+        return Err(Error::new(Kind::BadData, "VGS-SPLAT-005", message).file(&splats.path));
     }
     Ok(splats)
 }
@@ -109,20 +112,20 @@ pub fn read_some(path: &Path) -> Result<Unplaced> {
 /// Reads one or several files as one set, whose objects are named after the files. Calls `place` at most
 /// once, for the volume of splats that only a volume can place.
 pub fn read_all(
-    paths: &[impl AsRef<Path>],
+    inputs: impl IntoIterator<Item: Into<Input>>,
     place: impl FnOnce() -> Result<Option<Place>>,
 ) -> Result<SplatSet> {
     let mut place = Some(place);
     let mut found = None;
     let mut sets = Vec::new();
-    for path in paths.iter().map(AsRef::as_ref) {
-        let splats = read_some(path)?;
+    for input in inputs {
+        let splats = read_some(input)?;
         if splats.needs_volume()
             && let Some(place) = place.take()
         {
             found = place()?;
         }
-        let name = path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+        let name = splats.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
         sets.push((name, splats.placed(found.as_ref())?));
     }
     join(sets)
@@ -130,8 +133,9 @@ pub fn read_all(
 
 /// Reads a splat file and describes what it holds; the content of the file decides on the format, not its
 /// name.
-pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    (sniffed(path)?.describe)(path, options)
+pub fn describe(input: impl Into<Input>, options: &ReadOptions) -> Result<Summary> {
+    let input = input.into();
+    (sniffed(&input)?.describe)(&input, options)
 }
 
 /// Writes `set` in the format that the extension of `path` names; replaces an existing file only if `force`
@@ -192,9 +196,11 @@ fn named(path: &Path) -> Result<&'static Format> {
     })
 }
 
-fn sniffed(path: &Path) -> Result<&'static Reader> {
+fn sniffed(input: &Input) -> Result<&'static Reader> {
+    let path = input.name();
     let mut start = Vec::new();
-    base::input::open(path)
+    input
+        .open()
         .and_then(|file| file.take(SNIFF_BYTES).read_to_end(&mut start))
         .map_err(|error| Error::io(path, "reading a splat file", &error))?;
     let found = FORMATS.iter().map(|format| &format.reader).find(|reader| (reader.sniff)(&start));
@@ -220,9 +226,61 @@ fn extensions() -> String {
 }
 
 #[cfg(test)]
-mod tests {
+pub mod tests {
+    use std::io::Cursor;
+
     use super::*;
     use crate::Splat;
+    use crate::ordinary::tests::coloured;
+
+    /// Reads a file from a path and from memory, which must give the same, and returns that.
+    pub fn read_both(
+        read: fn(&Input, &ReadOptions) -> Result<Unplaced>,
+        bytes: &[u8],
+        options: &ReadOptions,
+    ) -> Result<SplatSet> {
+        let read = |input: Input| read(&input, options)?.placed(None);
+        let file = tempfile::NamedTempFile::new().expect("a file");
+        let path = file.path().to_owned();
+        std::fs::write(&path, bytes).expect("written");
+        let found = read(Input::from(&path));
+        // From here on nothing can be read by the name.
+        drop(file);
+        let again = read(Input::of(Cursor::new(bytes.to_vec()), &path));
+        assert_eq!(format!("{again:?}"), format!("{found:?}"));
+        found
+    }
+
+    #[test]
+    fn every_format_is_read_from_memory_as_from_a_file() {
+        let any: fn(&Input, &ReadOptions) -> _ = |input, options| read_unplaced(input, options);
+        let folder = tempfile::tempdir().expect("a temporary folder");
+        for format in FORMATS {
+            let path = folder.path().join("a").with_extension(format.name);
+            let mut set = coloured();
+            if !format.coloured {
+                (set.colours, set.unit) = (None, SplatSet::default().unit);
+            }
+            write(&path, &set, false).expect(format.name);
+            let bytes = std::fs::read(&path).expect("the file");
+            assert_eq!(read_both(any, &bytes, &ReadOptions::default()).expect(format.name).splats.len(), 60);
+            let strict = ReadOptions { strict: true, ..ReadOptions::default() };
+            for end in [0, 1, 30, bytes.len() / 2, bytes.len() - 1] {
+                let error = read_both(any, &bytes[..end], &strict).expect_err(format.name);
+                assert_eq!(
+                    (error.kind, error.file.is_some()),
+                    (Kind::BadData, true),
+                    "{}: {error}",
+                    format.name
+                );
+            }
+            let input = Input::of(Cursor::new(bytes), "of memory");
+            let summary = describe(&input, &strict).expect(format.name);
+            assert_eq!((summary.format, summary.splats), (format.name, 60));
+            let set = read_all([input], || Ok(None)).expect(format.name);
+            assert_eq!(set.objects()[0].name, "of memory");
+        }
+    }
 
     #[test]
     fn a_file_is_known_by_its_content_and_written_by_its_extension() {
@@ -240,12 +298,12 @@ mod tests {
             "known before it is written"
         );
         std::fs::rename(at("a.PLY"), at("a.dat")).expect("renaming");
-        assert_eq!(read(&at("a.dat"), &ReadOptions::default()).expect("a PLY by content"), set);
+        assert_eq!(read(at("a.dat"), &ReadOptions::default()).expect("a PLY by content"), set);
         assert_eq!(write(&at("a.splat"), &set, false).expect_err("no such format").code, "VGS-SPLAT-002");
 
         for (name, content) in [("empty", ""), ("text", "hello")] {
             std::fs::write(at(name), content).expect("writing");
-            let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
+            let error = describe(at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-001"), "{name}");
         }
         for (name, content) in
@@ -253,7 +311,7 @@ mod tests {
         {
             std::fs::write(at(name), content).expect("writing");
             assert!(is_splats(&at(name), content), "{name}");
-            let error = describe(&at(name), &ReadOptions::default()).expect_err(name);
+            let error = describe(at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-006"), "{name}");
             assert_eq!(error.help.contains("splat-transform"), name != "a.GLTF", "{}", error.help);
         }
@@ -269,7 +327,7 @@ mod tests {
             read_all(&[at("a.dat"), at("a.dat")], || panic!("nothing needs a volume")).expect("two files");
         let names: Vec<_> = both.objects().into_iter().map(|object| object.name).collect();
         assert_eq!((both.splats.len(), names), (2, vec!["a".to_owned(), "a".to_owned()]));
-        let missing = read(&at("missing"), &ReadOptions::default()).expect_err("no such file");
+        let missing = read(at("missing"), &ReadOptions::default()).expect_err("no such file");
         assert_eq!(missing.kind, Kind::Missing);
     }
 }

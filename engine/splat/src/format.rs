@@ -8,6 +8,7 @@ use super::labels::LabelCount;
 use super::ply::{PLY_LAYOUTS, PlyLayout};
 use super::{Place, Region, SplatSet, Unplaced};
 use base::error::Result;
+use base::input::Input;
 use base::unit::Unit;
 
 /// How tolerant a reader is.
@@ -193,9 +194,9 @@ pub struct Reader {
     /// Returns true if the first bytes of a file (up to [`SNIFF_BYTES`]) are of this format.
     pub sniff: fn(&[u8]) -> bool,
     /// Reads a file.
-    pub read: fn(&Path, &ReadOptions) -> Result<Unplaced>,
+    pub read: fn(&Input, &ReadOptions) -> Result<Unplaced>,
     /// Reads a file and describes what it holds.
-    pub describe: fn(&Path, &ReadOptions) -> Result<Summary>,
+    pub describe: fn(&Input, &ReadOptions) -> Result<Summary>,
 }
 
 /// Number of leading bytes that [`Reader::sniff`] receives: enough to unpack the first of a gzip stream.

@@ -17,7 +17,7 @@
 //! | `far` | which splats lie far from all others |
 //! | `packed` | a set in 16 bytes a splat |
 //! | `select` | some splats of a set: [`SplatSet::selected`] |
-//! | `file`, `format`, `ply`, `vgs` | files: [`FORMATS`], [`read`], [`read_all`], [`write`](write()) |
+//! | `file`, `format`, `ply`, `vgs` | files: [`FORMATS`], [`read`] and [`read_all`] from paths and readers, [`write`](write()) |
 //! | `spz`, `glb`, `ordinary` | files for programs that draw splats with colours, in metres |
 //! | `place`, `unplaced` | sets without a known place: [`Unplaced`], until a volume gives the [`Place`] |
 //! | `defect`, `mend` | which splats a file must not hold, and what is done to those of a file |

@@ -7,6 +7,7 @@ use super::read_options::ReadOptions;
 use super::source::{SNIFF_BYTES, Source};
 use super::volume::Volume;
 use super::{Grid, LabelChoice, dicom, inv3, metaimage, nifti, npy, nrrd};
+use base::input::Input;
 use base::{Error, Kind, Result};
 
 /// A file format that [`Volume::read`] knows.
@@ -17,7 +18,7 @@ pub struct Format {
     pub extensions: &'static [&'static str],
     /// Returns true if the first [`SNIFF_BYTES`] decoded bytes (fewer in a shorter file) are of this format.
     sniff: fn(&[u8]) -> bool,
-    read: fn(&Path, &ReadOptions) -> Result<Volume>,
+    read: fn(&Input, &ReadOptions) -> Result<Volume>,
     /// What is done with the fields of the header.
     pub fields: &'static [FieldRow],
     /// Returns the file beside a header that holds its voxels, if there is one.
@@ -92,18 +93,19 @@ pub const FORMATS: &[Format] = &[
 ];
 
 impl Format {
-    /// Returns the format of a file by its content, or by its name if the content is not recognised. The
-    /// format of a folder is DICOM.
+    /// Returns the format of a file, be it a path or an [`Input`], by its content, or by its name if the content is
+    /// not recognised. The format of a folder is DICOM.
     ///
     /// # Errors
     /// [`Kind::Missing`], [`Kind::BadData`] or [`Kind::Io`].
-    pub fn of(path: &Path, options: &ReadOptions) -> Result<&'static Format> {
-        if path.is_dir() {
+    pub fn of(input: impl Into<Input>, options: &ReadOptions) -> Result<&'static Format> {
+        let input = input.into();
+        if input.path().is_some_and(Path::is_dir) {
             return Ok(&DICOM);
         }
         let mut head = vec![0; SNIFF_BYTES];
-        let n = Source::open(path, options.lenient)?.read_some(&mut head)?;
-        let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
+        let n = Source::open(&input, options.lenient)?.read_some(&mut head)?;
+        let name = input.name().file_name().unwrap_or_default().to_string_lossy().to_lowercase();
         FORMATS
             .iter()
             .find(|f| (f.sniff)(&head[..n]))
@@ -112,7 +114,7 @@ impl Format {
                 let known: Vec<_> =
                     FORMATS.iter().map(|f| format!("{} ({})", f.name, f.extensions.join(" "))).collect();
                 Error::new(Kind::BadData, "VGS-VOL-009", "not a volume in a known format")
-                    .file(path)
+                    .file(input.name())
                     .help(format!("known formats: {}", known.join(", ")))
             })
     }
@@ -126,17 +128,19 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
 }
 
 impl Volume {
-    /// Reads a volume in any of the [`FORMATS`], or the DICOM series in a folder. Oddities that do not
-    /// prevent reading are logged as warnings.
+    /// Reads a volume in any of the [`FORMATS`], or the DICOM series in a folder: from a path, or from an
+    /// [`Input::of`] a reader if the volume is one file, or a zip. Oddities that do not prevent reading are logged
+    /// as warnings.
     ///
     /// # Errors
-    /// [`Kind::Missing`], [`Kind::BadData`], [`Kind::Usage`] (a volume or a series must be chosen),
-    /// [`Kind::HostMemory`] or [`Kind::Io`].
-    pub fn read(path: impl AsRef<Path>, options: &ReadOptions) -> Result<Volume> {
-        let path = path.as_ref();
-        let mut volume = (Format::of(path, options)?.read)(path, options)?;
+    /// [`Kind::Missing`], [`Kind::BadData`], [`Kind::Usage`] (a volume or a series must be chosen, or there must be a
+    /// path, beside which other files lie), [`Kind::HostMemory`] or [`Kind::Io`].
+    pub fn read(input: impl Into<Input>, options: &ReadOptions) -> Result<Volume> {
+        let input = input.into();
+        let format = Format::of(&input, options)?;
+        let mut volume = (format.read)(&input, options).map_err(|e| e.or_file(input.name()))?;
         volume.stated_unit = options.unit.or(volume.stated_unit);
-        volume.learn_unit_from(path);
+        volume.learn_unit_from(input.name());
         Ok(volume)
     }
 
@@ -147,7 +151,7 @@ impl Volume {
     /// # Errors
     /// As [`Volume::read`].
     pub fn read_mask(
-        path: impl AsRef<Path>,
+        input: impl Into<Input>,
         options: &ReadOptions,
         labels: &LabelChoice,
         volume: &Volume,
@@ -160,6 +164,6 @@ impl Volume {
             frame_of_reference: volume.frame_of_reference.clone(),
             ..*options
         };
-        Volume::read(path, &options)
+        Volume::read(input, &options)
     }
 }

@@ -6,7 +6,7 @@
 //! and surfaces of the project are not read.
 
 use std::io::Read;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use glam::{DAffine3, DMat3, DVec3};
 use plist::Value;
@@ -14,6 +14,7 @@ use plist::Value;
 use super::fields::FieldRow;
 use super::source::{Source, reserve_samples};
 use super::{ReadOptions, Volume};
+use base::input::Input;
 use base::unit::Unit;
 use base::{Error, Kind, Result};
 
@@ -62,19 +63,14 @@ pub(super) fn sniff(head: &[u8]) -> bool {
     head.get(257..262) == Some(b"ustar")
 }
 
-/// Reads the volume of a project. See [`Volume::read`], which recognises the format first.
-///
-/// # Errors
-/// As [`Volume::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
+/// Reads the volume of a project, as [`Volume::read`] does.
+pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
     if options.volume_index.is_some_and(|i| i > 0) {
         let message = "an InVesalius project holds one volume";
-        return Err(Error::new(Kind::Usage, "VGS-INV-006", message)
-            .file(path)
-            .help("leave out --volume-index"));
+        return Err(Error::new(Kind::Usage, "VGS-INV-006", message).help("leave out --volume-index"));
     }
     // The order of the archive's members is not fixed, hence two passes.
-    let plist = find(path, options, "main.plist", |entry, size| {
+    let plist = find(input, options, "main.plist", |entry, size| {
         if size > MAX_PLIST {
             return Err(bad(
                 "VGS-INV-002",
@@ -84,19 +80,17 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
         let mut text = Vec::new();
         entry.read_to_end(&mut text).map_err(damaged)?;
         Ok(text)
-    })
-    .map_err(|e| e.file(path))?;
-    let project = project(&plist).map_err(|e| e.file(path))?;
+    })?;
+    let project = project(&plist)?;
     let voxels: usize = project.size.iter().product();
     let bytes = 2 * voxels as u64;
     if bytes.max(4 * voxels as u64) > options.max_bytes {
         let message =
             format!("declares {bytes} bytes of voxels, more than the limit of {}", options.max_bytes);
         return Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
-            .file(path)
             .help("if the size is right, raise the limit with --max-bytes"));
     }
-    let samples = find(path, options, &project.file_name, |entry, size| {
+    let samples = find(input, options, &project.file_name, |entry, size| {
         if size != bytes {
             let message = format!("{}: expected {bytes} bytes, got {size}", project.file_name);
             return Err(bad("VGS-INV-004", message));
@@ -111,12 +105,11 @@ pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
             left -= n;
         }
         Ok(samples)
-    })
-    .map_err(|e| e.file(path))?;
+    })?;
     tracing::warn!(
         "{}: InVesalius projects store no orientation: x is taken to the patient's left, y to the front, z to the \
          head",
-        path.display()
+        input.name().display()
     );
     let affine = assumed_affine(project.size, project.spacing);
     Ok(Volume { stated_unit: project.unit, ..Volume::new(project.size, affine, samples) })
@@ -139,12 +132,12 @@ fn damaged(e: std::io::Error) -> Error {
 
 /// Finds the member called `name`, in any folder of the archive, and passes it with its size to `use_entry`.
 fn find<T>(
-    path: &Path,
+    input: &Input,
     options: &ReadOptions,
     name: &str,
     use_entry: impl FnOnce(&mut dyn Read, u64) -> Result<T>,
 ) -> Result<T> {
-    let mut archive = tar::Archive::new(Source::open(path, options.lenient)?);
+    let mut archive = tar::Archive::new(Source::open(input, options.lenient)?);
     let mut use_entry = Some(use_entry);
     let mut found = None;
     // A name too long for its header comes before its member. The tar crate would read it whole, whatever its
@@ -289,10 +282,8 @@ mod tests {
     }
 
     fn read_bytes(bytes: &[u8]) -> Result<Volume> {
-        let dir = tempfile::tempdir().unwrap();
-        let path = dir.path().join("a.inv3");
-        std::fs::write(&path, bytes).unwrap();
-        Volume::read(&path, &ReadOptions { max_bytes: 1 << 20, ..ReadOptions::default() })
+        let options = ReadOptions { max_bytes: 1 << 20, ..ReadOptions::default() };
+        crate::tests::read_both("a.inv3", bytes, &options)
     }
 
     #[test]

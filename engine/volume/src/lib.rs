@@ -8,7 +8,7 @@
 //! | `volume` | [`Volume`]: samples on a regular grid, and where it is in the patient |
 //! | `affine`, `interpolation` | what an affine says of a grid; values between voxels |
 //! | `kind_of_scan` | whether samples are HU |
-//! | `formats`, `read_options` | [`Volume::read`] with [`FORMATS`], a row per file format |
+//! | `formats`, `read_options` | [`Volume::read`], from paths and readers, with [`FORMATS`], a row per file format |
 //! | `dicom`, `nifti`, `inv3`, `nrrd`, `metaimage`, `npy` | the formats |
 //! | `source`, `payload` | opening of their files; unpacking and bounds of the voxels behind a header |
 //! | `elements`, `text_header` | types of voxels; what the headers of NRRD and MetaImage have in common |

@@ -6,8 +6,6 @@
 //! apart, with the orientation unknown.
 //! Format: <https://numpy.org/doc/stable/reference/generated/numpy.lib.format.html>.
 
-use std::path::Path;
-
 use glam::{DAffine3, DVec3};
 
 use super::elements::{self, Element};
@@ -16,6 +14,7 @@ use super::payload::{Layout, Packing, Payload};
 use super::source::{Source, reserve_samples};
 use super::text_header::excerpt;
 use super::{ReadOptions, Volume};
+use base::input::Input;
 use base::{Error, Kind, Result};
 
 /// Name of the format.
@@ -68,16 +67,9 @@ pub(super) fn sniff(head: &[u8]) -> bool {
     head.starts_with(MAGIC)
 }
 
-/// Reads one volume. See [`Volume::read`], which recognises the format first.
-///
-/// # Errors
-/// As [`Volume::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
-    read_volume(path, options).map_err(|e| if e.file.is_some() { e } else { e.file(path) })
-}
-
-fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
-    let mut source = Source::open(path, options.lenient)?;
+/// Reads one volume, as [`Volume::read`] does.
+pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
+    let mut source = Source::open(input, options.lenient)?;
     let header = read_header(&mut source)?;
     let (element, big_endian) = element(&header.descr)?;
     let (volumes, [z, y, x]) = match header.shape.as_slice() {
@@ -98,7 +90,7 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
     // by the layout.
     let run = if header.fortran_order { 1 } else { x.saturating_mul(y).saturating_mul(z) };
     let layout = Layout::new(element, big_endian, size, (volumes, run), options)?;
-    let payload = Payload::new(source, path, Packing::Plain, options.lenient)?;
+    let payload = Payload::new(source, Packing::Plain, options.lenient)?;
     let samples = match header.fortran_order {
         false => payload.samples(&layout, false, options)?,
         true => transposed(payload, &layout, size, options)?,
@@ -110,7 +102,7 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
     tracing::warn!(
         "{}: a NumPy array has neither voxel size nor orientation: its axes are taken as [z, y, x], {apart}, left \
          and right cannot be told",
-        path.display()
+        input.name().display()
     );
     let world_from_voxel = DAffine3::from_scale(options.spacing_mm.unwrap_or(DVec3::ONE));
     Ok(Volume { oriented: false, ..Volume::new(size, world_from_voxel, samples) })
@@ -270,6 +262,7 @@ fn element(descr: &str) -> Result<(&'static Element, bool)> {
 #[cfg(test)]
 mod tests {
     use std::fs;
+    use std::path::Path;
 
     use half::f16;
 
@@ -310,7 +303,7 @@ mod tests {
     }
 
     fn read_bytes(bytes: &[u8]) -> Result<Volume> {
-        read_in(tempfile::tempdir().unwrap().path(), bytes, &options())
+        crate::tests::read_both("a.npy", bytes, &options())
     }
 
     #[test]

@@ -5,9 +5,8 @@
 //! rules are the same: a claimed size is compared with the bytes that are there before memory is allocated, a
 //! stream is read to its end so that its checksum is checked, and the bytes after it are judged.
 
-use std::fs;
 use std::io::{self, BufRead, BufReader, Read};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use flate2::bufread::GzDecoder;
 use flate2::{Decompress, FlushDecompress, Status};
@@ -165,14 +164,13 @@ pub(super) struct Payload {
 }
 
 impl Payload {
-    /// Creates the payload that begins at the position of `source`, which reads `path`.
-    pub fn new(source: Source, path: &Path, packing: Packing, lenient: bool) -> Result<Payload> {
-        let length = fs::metadata(path).map_err(|e| Error::io(path, "reading", &e))?.len();
+    /// Creates the payload that begins at the position of `source`.
+    pub fn new(source: Source, packing: Packing, lenient: bool) -> Result<Payload> {
         let stored = match source.gzip {
-            true => length.saturating_mul(MAX_RATIO),
-            false => length.saturating_sub(source.position),
+            true => source.stored.saturating_mul(MAX_RATIO),
+            false => source.stored.saturating_sub(source.position),
         };
-        let mut payload = Payload { path: path.to_owned(), bytes: None, stored, lenient };
+        let mut payload = Payload { path: source.path.clone(), bytes: None, stored, lenient };
         if packing == Packing::Plain {
             payload.bytes = Some(Bytes::Plain(source));
             return Ok(payload);

@@ -5,13 +5,12 @@
 //! reading to the end, and the bytes after the last member are judged: zeros are padding, anything else is
 //! damage.
 
-use std::fs::File;
 use std::io::{self, BufRead, BufReader, Read};
 use std::path::{Path, PathBuf};
 
 use flate2::bufread::GzDecoder;
 
-use base::input;
+use base::input::{Input, Stream};
 use base::{Error, Kind, Result};
 
 /// Number of bytes of a file that are examined to recognise it.
@@ -25,24 +24,26 @@ pub(super) const MAX_RATIO: u64 = 1032;
 
 /// An open input file, decompressed if it is gzip.
 pub(super) struct Source {
-    path: PathBuf,
+    /// Path or name of the file.
+    pub path: PathBuf,
     reader: Box<dyn Read>,
     /// True if the file is gzip.
     pub gzip: bool,
     /// Size of the file, bytes.
-    stored: u64,
+    pub stored: u64,
     /// Number of decoded bytes read so far.
     pub position: u64,
 }
 
 impl Source {
-    /// Opens `path`; refuses a file that is missing, empty, not regular, or gzip inside gzip.
-    pub fn open(path: &Path, lenient: bool) -> Result<Self> {
-        let file = input::open(path).map_err(|e| match e.kind() {
+    /// Opens a file; refuses one that is missing, empty, not regular, or gzip inside gzip.
+    pub fn open(input: &Input, lenient: bool) -> Result<Self> {
+        let path = input.name();
+        let file = input.open().map_err(|e| match e.kind() {
             io::ErrorKind::NotFound => Error::new(Kind::Missing, "VGS-VOL-001", "no such file").file(path),
             _ => Error::io(path, "opening", &e),
         })?;
-        let stored = file.metadata().map_err(|e| Error::io(path, "reading", &e))?.len();
+        let stored = file.length;
         let mut file = BufReader::with_capacity(1 << 18, file);
         let head = file.fill_buf().map_err(|e| Error::io(path, "reading", &e))?;
         if head.is_empty() {
@@ -182,7 +183,7 @@ fn read_full(reader: &mut impl Read, buffer: &mut [u8]) -> io::Result<usize> {
 /// A decoder of consecutive gzip members. flate2's own decoder of several members takes whatever follows for
 /// a member and cannot distinguish padding from damage.
 struct Members {
-    decoder: Option<GzDecoder<BufReader<File>>>,
+    decoder: Option<GzDecoder<BufReader<Stream>>>,
     path: PathBuf,
     lenient: bool,
 }
@@ -190,7 +191,7 @@ struct Members {
 impl Members {
     /// Begins the next member and returns true if there is one. Otherwise returns false and judges the bytes
     /// that follow: zeros are ignored, others are an error unless `lenient`.
-    fn next_member(&mut self, mut file: BufReader<File>) -> io::Result<bool> {
+    fn next_member(&mut self, mut file: BufReader<Stream>) -> io::Result<bool> {
         // The first byte decides: the second may lie beyond the buffer.
         if file.fill_buf()?.first() == GZIP_MAGIC.first() {
             self.decoder = Some(GzDecoder::new(file));

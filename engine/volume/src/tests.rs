@@ -1,12 +1,14 @@
 //! Tests of the volume type, the choice of format, and the real cases.
 
 use std::fs;
+use std::io::Cursor;
 use std::path::PathBuf;
 
 use glam::{DAffine3, DVec3};
 
 use super::*;
-use base::Kind;
+use base::input::Input;
+use base::{Kind, Result};
 
 fn ramp(size: [usize; 3]) -> Volume {
     let mut samples = Vec::new();
@@ -91,19 +93,47 @@ fn files_in_no_known_format_are_refused() {
         ("text.inv3", b"hello", Kind::BadData, "VGS-INV-001"),
     ];
     for (name, content, kind, code) in cases {
-        let path = dir.path().join(name);
-        fs::write(&path, content).unwrap();
-        let error = Volume::read(&path, &ReadOptions::default()).unwrap_err();
-        assert_eq!(
-            (error.kind, error.code, error.file.as_deref()),
-            (kind, code, Some(path.as_path())),
-            "{name}"
-        );
+        let error = read_both(name, content, &ReadOptions::default()).unwrap_err();
+        assert_eq!((error.kind, error.code), (kind, code), "{name}");
+        assert!(error.file.is_some_and(|file| file.ends_with(name)));
     }
     let missing = Volume::read(dir.path().join("none.nii"), &ReadOptions::default()).unwrap_err();
     assert_eq!(missing.kind, Kind::Missing);
     // A folder is one of DICOM slices, and this one has none.
     assert_eq!(Volume::read(dir.path(), &ReadOptions::default()).unwrap_err().code, "VGS-DCM-001");
+}
+
+/// Reads a file from a path and from memory, which must give the same, and returns that.
+pub(super) fn read_both(name: &str, bytes: &[u8], options: &ReadOptions) -> Result<Volume> {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join(name);
+    fs::write(&path, bytes).unwrap();
+    let found = Volume::read(&path, options);
+    // From here on nothing can be read by the name.
+    drop(folder);
+    let again = Volume::read(Input::of(Cursor::new(bytes.to_vec()), &path), options);
+    match &again {
+        Err(e) if e.code == "VGS-IO-003" => assert!(found.is_err(), "another file is missing: {e}"),
+        _ => assert_eq!(format!("{again:?}"), format!("{found:?}")),
+    }
+    found
+}
+
+#[test]
+fn what_is_several_files_is_not_read_from_one() {
+    let mut half = vec![0; 352];
+    half[..4].copy_from_slice(&348_i32.to_le_bytes());
+    half[344..348].copy_from_slice(b"ni1\0");
+    let slice = [vec![0; 128], b"DICM".to_vec()].concat();
+    let nrrd = b"NRRD0004\ntype: uchar\ndimension: 3\nsizes: 1 1 1\nencoding: raw\ndata file: a.raw\n\n";
+    let meta =
+        b"ObjectType = Image\nNDims = 3\nDimSize = 1 1 1\nElementType = MET_UCHAR\nElementDataFile = a.raw\n";
+    let cases: [(&str, &[u8]); 4] = [("a.img", &half), ("a.dcm", &slice), ("a.nhdr", nrrd), ("a.mhd", meta)];
+    for (name, bytes) in cases {
+        let input = Input::of(Cursor::new(bytes.to_vec()), name);
+        let error = Volume::read(input, &ReadOptions::default()).unwrap_err();
+        assert_eq!((error.kind, error.code, error.file), (Kind::Usage, "VGS-IO-003", Some(name.into())));
+    }
 }
 
 /// Returns the folder of real cases, or `None` with a note where it is absent.

@@ -8,6 +8,7 @@ use glam::DAffine3;
 
 use super::affine::{SHEARED, axis_codes_of, shear_of, spacing_of};
 use super::source::Source;
+use base::input::Input;
 use base::{Error, Kind, Result};
 
 /// The longest header that is read; those of real files have some kilobytes, even with the names of a hundred
@@ -102,15 +103,14 @@ fn has_conversion(text: &str) -> bool {
 
 /// Opens the file of voxels that a header names. It must be in the folder of the header or below it: a header
 /// from elsewhere must not lead to other files of this machine.
-pub(super) fn open_beside(header: &Path, name: &str, lenient: bool) -> Result<(Source, PathBuf)> {
-    let path = path_beside(header, name)?;
-    let source = Source::open(&path, lenient).map_err(|e| match e.kind {
+pub(super) fn open_beside(header: &Input, name: &str, lenient: bool) -> Result<Source> {
+    let header = header.needed_path("a header whose voxels are in another file")?;
+    Source::open(&path_beside(header, name)?.into(), lenient).map_err(|e| match e.kind {
         Kind::Missing => {
             e.help(format!("{} says that its voxels are there: put both files together", header.display()))
         }
         _ => e,
-    })?;
-    Ok((source, path))
+    })
 }
 
 /// Returns the path of the file that a header names; an error if it is not below the header's folder.

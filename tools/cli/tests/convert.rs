@@ -68,7 +68,7 @@ fn splats_in_formats_of_others_are_told_by_name() {
 }
 
 fn set(folder: &Folder, name: &str) -> SplatSet {
-    splat::read(&folder.path(name), &ReadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"))
+    splat::read(folder.path(name), &ReadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 /// A fit whose splats above the middle are a liver, and the others a spleen of the label 7.

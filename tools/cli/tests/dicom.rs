@@ -32,8 +32,7 @@ fn a_series_is_fitted_like_the_same_scan_in_another_format() {
     assert_eq!(ended.code, 0, "{}", ended.err);
     let ended = folder.run(&fit("b.ply", &[]));
     assert_eq!(ended.code, 0, "{}", ended.err);
-    let splats =
-        ["a.ply", "b.ply"].map(|name| read(&folder.path(name), &Default::default()).expect("splats"));
+    let splats = ["a.ply", "b.ply"].map(|name| read(folder.path(name), &Default::default()).expect("splats"));
     let [a, b] = &splats;
     assert_eq!(a.splats.len(), b.splats.len());
     let apart = a.splats.iter().zip(&b.splats).map(|(a, b)| {

@@ -23,7 +23,7 @@ use view::model::state::{Object, Plane, ViewState};
 const SIZE: u32 = 40;
 
 fn set(folder: &Folder, name: &str) -> SplatSet {
-    splat::read(&folder.path(name), &ReadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"))
+    splat::read(folder.path(name), &ReadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"))
 }
 
 fn read(folder: &Folder, name: &str) -> Page {

@@ -213,7 +213,7 @@ fn splats_of_both_layouts_are_rendered_together() {
         region_range: None,
     };
     let read = |name: &str| -> SplatSet {
-        splat::read_unplaced(&folder.path(name), &ReadOptions::default())
+        splat::read_unplaced(folder.path(name), &ReadOptions::default())
             .and_then(|read| read.placed(Some(&place)))
             .expect("splats")
     };

@@ -1,7 +1,7 @@
 //! Splats in small files.
 
 use crate::support::Folder;
-use engine::volume::{ReadOptions, nifti};
+use engine::volume::{ReadOptions, Volume, nifti};
 
 const REGION: [&str; 2] = ["--roi", "mask.nii.gz"];
 
@@ -71,7 +71,7 @@ fn splats_know_the_volume_that_they_were_fitted_to() {
     let fit = ["fit", "ct.nii.gz", "-o", "a.ply", "--splats", "20", "--iterations", "2", "--no-eval"];
     assert_eq!(folder.run(&[&fit[..], &REGION].concat()).code, 0);
     assert_eq!(folder.run(&["convert", "a.ply", "-o", "a.vgs"]).code, 0);
-    let mut ct = nifti::read(&folder.path("ct.nii.gz"), &ReadOptions::default()).expect("the CT");
+    let mut ct = Volume::read(folder.path("ct.nii.gz"), &ReadOptions::default()).expect("the CT");
     let crc32 = format!("{:08x}", ct.crc32());
     ct.samples[7] += 1.0;
     nifti::write(folder.path("other.nii.gz"), &ct, false).expect("another CT");

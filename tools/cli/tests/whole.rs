@@ -270,7 +270,7 @@ fn splats_keep_the_labels_of_the_map() {
     for more in [&["--quiet"][..], &["--quiet", "--working-grid", "2"]] {
         let ended = folder.run(&[&arguments[..], more].concat());
         assert_eq!((ended.code, ended.err.as_str()), (0, ""));
-        let set = splat::read(&folder.path("a.ply"), &splat::ReadOptions::default()).expect("splats");
+        let set = splat::read(folder.path("a.ply"), &splat::ReadOptions::default()).expect("splats");
         assert_eq!(set.label_names, [(5, "left part".to_owned())]);
         let labels = set.labels.as_ref().expect("labels");
         let ct = Volume::read(folder.path("ct.nii.gz"), &ReadOptions::default()).expect("the volume");

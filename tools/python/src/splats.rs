@@ -23,7 +23,7 @@ use rayon::prelude::*;
 
 use crate::device::{unlocked, with_device};
 use crate::errors::{internal, raised};
-use crate::volume::{Roi, Volume, affine_of, check_range, keywords, matrix_of};
+use crate::volume::{File, Roi, Volume, affine_of, check_range, keywords, matrix_of};
 
 /// A splat set of the engine.
 #[pyclass(frozen, module = "vgs._vgs")]
@@ -182,16 +182,10 @@ impl Splats {
 
     /// Reads one or several files as one set, whose objects are named after the files.
     #[staticmethod]
-    #[pyo3(signature = (paths, volume, roi))]
-    fn read(
-        py: Python<'_>,
-        paths: Vec<PathBuf>,
-        volume: Option<&Volume>,
-        roi: Option<&Roi>,
-    ) -> PyResult<Self> {
-        let read = || {
-            splat::read_all(&paths, || Ok(volume.map(|volume| place(&volume.0, roi.map(|roi| &*roi.roi)))))
-        };
+    #[pyo3(signature = (files, volume, roi))]
+    fn read(py: Python<'_>, files: Vec<File>, volume: Option<&Volume>, roi: Option<&Roi>) -> PyResult<Self> {
+        let read =
+            || splat::read_all(files, || Ok(volume.map(|volume| place(&volume.0, roi.map(|roi| &*roi.roi)))));
         Ok(Splats::new(unlocked(py, read)?))
     }
 

@@ -1,9 +1,11 @@
 //! Volumes and regions of interest, on their way between NumPy and the engine.
 
 use std::collections::BTreeMap;
+use std::io::Cursor;
 use std::path::PathBuf;
 use std::sync::Arc;
 
+use engine::input::Input;
 use engine::unit::Unit;
 use engine::volume::compare::{Normalisation, compare};
 use engine::volume::{self, Cleaning, LabelChoice, Labels, ReadOptions, nifti};
@@ -12,6 +14,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use numpy::ndarray::{Array2, Array3, ShapeBuilder};
 use numpy::{IntoPyArray, PyArray3, PyReadonlyArray2, PyReadonlyArray3};
 use pyo3::prelude::*;
+use pyo3::pybacked::PyBackedBytes;
 use pyo3::types::PyDict;
 
 use crate::device::unlocked;
@@ -168,13 +171,29 @@ pub fn check_affine(affine: PyReadonlyArray2<'_, f64>) -> PyResult<()> {
     affine_of(&affine).map(|_| ())
 }
 
+/// A file as Python gives it: a path, or its bytes with a name for messages.
+#[derive(FromPyObject)]
+pub enum File {
+    Path(PathBuf),
+    Bytes(String, PyBackedBytes),
+}
+
+impl From<File> for Input {
+    fn from(file: File) -> Self {
+        match file {
+            File::Path(path) => path.into(),
+            File::Bytes(name, bytes) => Input::of(Cursor::new(bytes), name),
+        }
+    }
+}
+
 /// Reads a volume from a file or a folder, as the keywords of `vgs.Volume`.
 #[pyfunction]
-#[pyo3(signature = (path, *, volume_index, series, voxel_mm, unit, lenient, max_bytes))]
+#[pyo3(signature = (file, *, volume_index, series, voxel_mm, unit, lenient, max_bytes))]
 #[expect(clippy::too_many_arguments, reason = "they are the flags of the command line")]
 pub fn read_volume<'py>(
     py: Python<'py>,
-    path: PathBuf,
+    file: File,
     volume_index: Option<usize>,
     series: Option<String>,
     voxel_mm: Option<[f64; 3]>,
@@ -192,20 +211,20 @@ pub fn read_volume<'py>(
         max_bytes: max_bytes.unwrap_or(default.max_bytes),
         ..default
     };
-    keywords(py, unlocked(py, || volume::Volume::read(&path, &options))?)
+    keywords(py, unlocked(py, || volume::Volume::read(file, &options))?)
 }
 
 /// Reads a mask of a volume, likewise; the labels that will be chosen decide which structures of DICOM are read.
 #[pyfunction]
-#[pyo3(signature = (path, volume, labels))]
+#[pyo3(signature = (file, volume, labels))]
 pub fn read_mask<'py>(
     py: Python<'py>,
-    path: PathBuf,
+    file: File,
     volume: &Volume,
     labels: Option<&str>,
 ) -> PyResult<Bound<'py, PyDict>> {
     let choice = choice_of(labels)?;
-    let read = || volume::Volume::read_mask(&path, &ReadOptions::default(), &choice, &volume.0);
+    let read = || volume::Volume::read_mask(file, &ReadOptions::default(), &choice, &volume.0);
     keywords(py, unlocked(py, read)?)
 }
 

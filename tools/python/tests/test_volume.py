@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import io
 import pathlib
 
 import nibabel
@@ -148,6 +149,17 @@ def test_what_is_no_volume_is_refused(arguments, error, says):
     with pytest.raises(error, match=says) as raised:
         vgs.Volume(*arguments)
     assert raised.value.code.startswith("VGS-PY-") and raised.value.help and isinstance(raised.value, ValueError)
+
+
+def test_bytes_and_open_files_are_read_like_their_file(phantom, ct):
+    content = pathlib.Path(phantom).read_bytes()
+    with open(phantom, "rb") as file:
+        for given in (content, io.BytesIO(content), file):
+            np.testing.assert_array_equal(vgs.Volume.of(given).array, ct.array)
+    with pytest.raises(vgs.BadDataError, match="^bytes: "):
+        vgs.read(content[:1000])
+    with pytest.raises(vgs.UsageError, match="a path is needed"):
+        vgs.read(bytes(128) + b"DICM")
 
 
 def test_files_that_cannot_be_read_say_why(tmp_path):

@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from . import _vgs
 from ._errors import DeviceUnavailableError, usage_error
-from ._volume import RoiLike, Volume, VolumeLike, as_roi, as_volume
+from ._volume import FileLike, RoiLike, Volume, VolumeLike, as_file, as_roi, as_volume
 
 FloatArray = npt.NDArray[np.float32]
 DoubleArray = npt.NDArray[np.float64]
@@ -368,11 +368,11 @@ class SplatSet:
         return self.grid
 
 
-def load(*paths: str | os.PathLike[str], volume: VolumeLike | None = None, roi: RoiLike | None = None) -> SplatSet:
+def load(*paths: FileLike, volume: VolumeLike | None = None, roi: RoiLike | None = None) -> SplatSet:
     """Reads splats: .ply, .vgs, .spz, .glb. Several files become one set, whose labels are the files.
 
     Args:
-        *paths: The files.
+        *paths: The files, as paths or as :func:`read` takes them.
         volume: The volume of a PLY of the paper's authors, which only that can place.
         roi: Its region.
     """
@@ -382,7 +382,7 @@ def load(*paths: str | os.PathLike[str], volume: VolumeLike | None = None, roi: 
     region = None if of is None or roi is None else as_roi(roi, of)
     return SplatSet(
         _vgs.Splats.read(
-            [os.fspath(path) for path in paths],
+            [as_file(path) for path in paths],
             None if of is None else of._native(),
             None if region is None else region._native,
         )
@@ -400,11 +400,7 @@ def _pickled(splats: SplatSet) -> tuple[str, bytes]:
 
 def _unpickled(content: tuple[str, bytes], seconds: float | None, stopped: bool) -> SplatSet:
     ending, content_of_file = content
-    with tempfile.TemporaryDirectory() as folder:
-        path = os.path.join(folder, f"splats.{ending}")
-        with open(path, "wb") as file:
-            file.write(content_of_file)
-        splats = load(path)
+    splats = SplatSet(_vgs.Splats.read([(f"splats.{ending}", content_of_file)], None, None))
     splats.seconds, splats.stopped = seconds, stopped
     return splats
 

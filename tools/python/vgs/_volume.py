@@ -7,7 +7,7 @@ import numbers
 import os
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from typing import Any, Union
+from typing import Any, BinaryIO, Union
 
 import numpy as np
 import numpy.typing as npt
@@ -16,9 +16,11 @@ from . import _vgs
 from ._errors import usage_error
 
 FloatArray = npt.NDArray[np.float32]
-#: What is taken for a volume: one of vgs, a path, an image of nibabel or SimpleITK, or an array [i, j, k] of voxels of
+#: What is taken for a file: a path, its bytes, or a binary file that is open.
+FileLike = Union[str, "os.PathLike[str]", bytes, BinaryIO]
+#: What is taken for a volume: one of vgs, a file, an image of nibabel or SimpleITK, or an array [i, j, k] of voxels of
 #: 1 mm.
-VolumeLike = Union["Volume", str, "os.PathLike[str]", Any]
+VolumeLike = Union["Volume", str, "os.PathLike[str]", bytes, Any]
 #: What is taken for a region: one of vgs, the bounds of a threshold, or whatever is taken for a volume, as a mask.
 RoiLike = Union["Roi", tuple[float, float], VolumeLike]
 #: Which labels of a mask.
@@ -227,8 +229,8 @@ class Roi:
         of = as_volume(volume)
         native = of._native()
         chosen = _labels(labels)
-        if isinstance(mask, (str, os.PathLike)):
-            marks = Volume(**_vgs.read_mask(os.fspath(mask), native, chosen))
+        if isinstance(mask, (str, os.PathLike, bytes)) or hasattr(mask, "read"):
+            marks = Volume(**_vgs.read_mask(as_file(mask), native, chosen))
         else:
             marks = as_volume(mask, like=of)
         return Roi(_vgs.Roi.from_mask(marks._native(), native, chosen))
@@ -302,7 +304,7 @@ class Roi:
 
 
 def read(
-    path: str | os.PathLike[str],
+    path: FileLike,
     *,
     volume_index: int | None = None,
     series: str | int | None = None,
@@ -314,7 +316,7 @@ def read(
     """Reads a volume: a file (NIfTI, NRRD, MetaImage, NumPy, InVesalius, DICOM) or a folder or zip of DICOM slices.
 
     Args:
-        path: The file or the folder.
+        path: The file or the folder; or the bytes of one file, or such a file that is open (``io.BytesIO``).
         volume_index: Which volume of a series (4-D file), counted from 0.
         series: Which series of a DICOM folder: its number in ``vgs info``, its UID, or a part of its description.
         voxel_mm: How far voxels are apart along x, y, z, mm, in a file that does not say (.npy, whose array is [z, y, x]).
@@ -334,7 +336,7 @@ def read(
     edges = None if voxel_mm is None else np.broadcast_to(np.asarray(voxel_mm, dtype=np.float64), 3).tolist()
     return Volume(
         **_vgs.read_volume(
-            os.fspath(path),
+            as_file(path),
             volume_index=volume_index,
             series=None if series is None else str(series),
             voxel_mm=edges,
@@ -351,7 +353,7 @@ def as_volume(what: VolumeLike, like: Volume | None = None) -> Volume:
         return what
     if isinstance(what, Roi):
         return Volume(what.array, None if like is None else like.affine, oriented=like is not None)
-    if isinstance(what, (str, os.PathLike)):
+    if isinstance(what, (str, os.PathLike, bytes)) or hasattr(what, "read"):
         return read(what)
     if what is None:
         raise usage_error("no volume, or no region", help="give a path, an image, an array or an object of vgs")
@@ -387,6 +389,15 @@ def as_roi(what: RoiLike, volume: Volume, labels: Labels = None) -> Roi:
     if is_threshold:
         return Roi.from_threshold(volume, float(bounds[0]), float(bounds[1]))
     return Roi.from_mask(what, volume, labels)
+
+
+def as_file(what: Any) -> str | tuple[str, bytes]:
+    """Returns the path of a file, or its bytes with a name for messages."""
+    if isinstance(what, bytes):
+        return "bytes", what
+    if isinstance(what, (str, os.PathLike)):
+        return os.fspath(what)
+    return str(getattr(what, "name", "bytes")), what.read()
 
 
 def _is_image(what: Any) -> bool:

@@ -1,7 +1,6 @@
 //! The PLY reader, for files of this program and of others.
 
 use std::io::{BufRead, BufReader, Read, Seek};
-use std::path::Path;
 
 use ply_rs::ply::{ElementDef, PropertyType};
 
@@ -19,6 +18,7 @@ use crate::mend::{Mended, bound_opacities, ordinary_field, zeros};
 use crate::region::Stored;
 use crate::{Grid, Harmonics, ReadOptions, Splat, SplatSet, Summary, Unplaced};
 use base::error::{Error, Result};
+use base::input::Input;
 use base::unit::Unit;
 
 /// Properties that hold a physical intensity; the first that an element has counts.
@@ -49,14 +49,14 @@ const GREY_SLOTS: usize = BEYOND_SLOT + 3;
 const ALL_SLOTS: usize = BEYOND_SLOT + 3 * MAX_BASIS;
 
 /// Reads a splat set; the text of the module above says what is accepted.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
-    let Loaded { set, rows, .. } = open(path, options)?;
-    Ok(Unplaced { path: path.to_owned(), set, rows })
+pub fn read(input: &Input, options: &ReadOptions) -> Result<Unplaced> {
+    let Loaded { set, rows, .. } = open(input, options)?;
+    Ok(Unplaced { path: input.name().to_owned(), set, rows })
 }
 
 /// Reads a splat set and describes what the file holds.
-pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, rows, header, mended, bytes, layout, intensity_01_range } = open(path, options)?;
+pub fn describe(input: &Input, options: &ReadOptions) -> Result<Summary> {
+    let Loaded { set, rows, header, mended, bytes, layout, intensity_01_range } = open(input, options)?;
     let vertex = header.element("vertex").map(|(_, element)| element);
     let summary = Summary::of_set(&set, "ply", layout, bytes);
     let (placed, known) = (rows.is_none(), rows.as_ref().is_none_or(|rows| rows.has_hu));
@@ -86,10 +86,11 @@ pub(super) struct Loaded {
     pub intensity_01_range: Option<[f32; 2]>,
 }
 
-fn open(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+fn open(input: &Input, options: &ReadOptions) -> Result<Loaded> {
+    let path = input.name();
     let failed = |error| Error::io(path, "reading a splat file", &error);
-    let file = base::input::open(path).map_err(failed)?;
-    let bytes = file.metadata().map_err(failed)?.len();
+    let file = input.open().map_err(failed)?;
+    let bytes = file.length;
     let loaded = load(BufReader::new(file), bytes, options).map_err(|error| error.file(path))?;
     loaded.mended.tell(path, &loaded.set);
     if loaded.set.unit.is_physical() && loaded.layout == ORDINARY {

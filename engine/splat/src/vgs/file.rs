@@ -20,6 +20,7 @@ use crate::{
     by_importance, defect,
 };
 use base::error::{Error, Kind, Result};
+use base::input::Input;
 use base::memory;
 use base::unit::Unit;
 
@@ -267,9 +268,9 @@ pub fn encode(set: &SplatSet) -> Result<Vec<u8>> {
 }
 
 /// Reads a set.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
-    let Loaded { set, .. } = load(path, options)?;
-    Ok(Unplaced { path: path.to_owned(), set, rows: None })
+pub fn read(input: &Input, options: &ReadOptions) -> Result<Unplaced> {
+    let Loaded { set, .. } = load(input, options)?;
+    Ok(Unplaced { path: input.name().to_owned(), set, rows: None })
 }
 
 /// Reads a set from the bytes of a file. Returns it with the number of its splats that were too thin and are widened.
@@ -281,8 +282,8 @@ pub fn decode(bytes: &[u8], options: &ReadOptions) -> Result<(SplatSet, usize)> 
 }
 
 /// Reads a set and describes what the file holds.
-pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, header, mended, bytes } = load(path, options)?;
+pub fn describe(input: &Input, options: &ReadOptions) -> Result<Summary> {
+    let Loaded { set, header, mended, bytes } = load(input, options)?;
     let payload: u64 = header.layers.iter().map(|part| part.bytes).sum();
     let slabs = || header.voxels.iter().flat_map(|voxels| &voxels.slabs);
     let coded: u64 = slabs().chain(&header.region).map(|part| part.bytes).sum();
@@ -324,10 +325,11 @@ struct Loaded {
     bytes: u64,
 }
 
-fn load(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+fn load(input: &Input, options: &ReadOptions) -> Result<Loaded> {
+    let path = input.name();
     let failed = |error| Error::io(path, "reading a splat file", &error);
-    let mut file = base::input::open(path).map_err(failed)?;
-    let length = file.metadata().map_err(failed)?.len();
+    let mut file = input.open().map_err(failed)?;
+    let length = file.length;
     memory::require(length, "the file")?;
     let mut bytes = Vec::new();
     Read::by_ref(&mut file).take(length).read_to_end(&mut bytes).map_err(failed)?;

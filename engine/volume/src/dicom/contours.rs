@@ -70,7 +70,7 @@ pub(super) fn structures(location: &Location) -> Result<Vec<Structure>> {
 /// [`Kind::Usage`] without a grid; [`Kind::BadData`] for a damaged file, or contours across the slices;
 /// [`Kind::HostMemory`].
 pub(super) fn read(location: &Location, options: &ReadOptions) -> Result<Volume> {
-    read_contours(location, options).map_err(|e| if e.file.is_some() { e } else { e.file(&location.path) })
+    read_contours(location, options).map_err(|e| e.or_file(&location.path))
 }
 
 fn read_contours(location: &Location, options: &ReadOptions) -> Result<Volume> {

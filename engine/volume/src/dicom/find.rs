@@ -8,6 +8,7 @@ use super::location::{self, Location, is_zip};
 use super::sniff;
 use crate::ReadOptions;
 use crate::source::SNIFF_BYTES;
+use base::input::Input;
 use base::{Error, Kind, Result};
 
 /// Levels of nested folders that are searched.
@@ -33,21 +34,21 @@ pub(super) fn dicom_files_beside(folder: &Path) -> Result<Vec<Location>> {
 ///
 /// # Errors
 /// [`Kind::BadData`] if there is none, or the zip is damaged, encrypted or too large; [`Kind::Io`].
-pub(super) fn zipped_dicom_files(path: &Path, options: &ReadOptions) -> Result<Vec<Location>> {
-    let (count, files) = location::members(path, MOST_FILES, options)?;
+pub(super) fn zipped_dicom_files(input: &Input, options: &ReadOptions) -> Result<Vec<Location>> {
+    let (count, files) = location::members(input, MOST_FILES, options)?;
     if files.is_empty() {
         let message = format!("none of the {count} files in the zip is DICOM");
         return Err(Error::new(Kind::BadData, "VGS-DCM-001", message)
-            .file(path)
+            .file(input.name())
             .help("unpack the zip, and give the volume file in it"));
     }
     Ok(files)
 }
 
 /// Returns true if a file is a zip; false also if it cannot be read.
-pub(super) fn is_zip_file(path: &Path) -> bool {
+pub(super) fn is_zip_file(input: &Input) -> bool {
     let mut head = Vec::new();
-    base::input::open(path).and_then(|file| file.take(4).read_to_end(&mut head)).is_ok() && is_zip(&head)
+    input.open().and_then(|file| file.take(4).read_to_end(&mut head)).is_ok() && is_zip(&head)
 }
 
 fn files_within(folder: &Path, depth: usize) -> Result<Vec<Location>> {

@@ -1,7 +1,6 @@
 //! Where a DICOM file is: on disk, or in a zip.
 
 use std::fmt;
-use std::fs::File;
 use std::io::{self, BufReader, Cursor, Read, Seek};
 use std::path::{Path, PathBuf};
 use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
@@ -16,6 +15,7 @@ use super::lengths::{PACKED, too_long};
 use super::{MAGIC_AT, has_magic, missing_start, sniff};
 use crate::ReadOptions;
 use crate::source::SNIFF_BYTES;
+use base::input::{Input, Stream};
 use base::{Error, Kind, Result};
 
 /// The most bytes before the pixels of a file in a zip; the header of an enhanced file of ten thousand frames
@@ -218,11 +218,11 @@ pub(super) fn damaged(path: &Path, error: &dyn std::error::Error) -> Error {
 /// An open zip.
 struct Archive {
     path: PathBuf,
-    zip: Mutex<ZipArchive<BufReader<File>>>,
+    zip: Mutex<ZipArchive<BufReader<Stream>>>,
 }
 
 impl Archive {
-    fn lock(&self) -> MutexGuard<'_, ZipArchive<BufReader<File>>> {
+    fn lock(&self) -> MutexGuard<'_, ZipArchive<BufReader<Stream>>> {
         // Each member is sought anew, so a thread that has panicked leaves nothing half done.
         self.zip.lock().unwrap_or_else(PoisonError::into_inner)
     }
@@ -244,8 +244,9 @@ impl Archive {
 /// # Errors
 /// [`Kind::BadData`] if the zip is damaged, encrypted or too large, or has more than `most` entries;
 /// [`Kind::Io`].
-pub(super) fn members(path: &Path, most: usize, options: &ReadOptions) -> Result<(usize, Vec<Location>)> {
-    let file = base::input::open(path).map_err(|e| Error::io(path, "opening", &e))?;
+pub(super) fn members(input: &Input, most: usize, options: &ReadOptions) -> Result<(usize, Vec<Location>)> {
+    let path = input.name();
+    let file = input.open().map_err(|e| Error::io(path, "opening", &e))?;
     let unreadable = |e: ZipError| match e {
         ZipError::Io(e) if e.kind() != io::ErrorKind::UnexpectedEof => Error::io(path, "reading", &e),
         e => Error::new(Kind::BadData, "VGS-DCM-015", format!("not readable as a zip: {e}"))

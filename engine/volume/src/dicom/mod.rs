@@ -41,7 +41,8 @@ mod tests;
 
 pub use elements::{ElementRow, element_rows};
 pub(super) use location::is_zip;
-pub use read::{list, read, structures};
+pub(super) use read::read;
+pub use read::{list, structures};
 pub use series::{Series, SeriesFiles, Slice, is_key, series, series_files};
 pub use stacks::StackSummary;
 pub use structures::Structure;

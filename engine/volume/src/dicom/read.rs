@@ -17,6 +17,7 @@ use super::structures::Structure;
 use super::{contours, elements, pixels, segmentation};
 use crate::source::reserve_samples;
 use crate::{ReadOptions, Volume};
+use base::input::Input;
 use base::unit::Unit;
 use base::{Error, Kind, Result};
 
@@ -26,7 +27,7 @@ use base::{Error, Kind, Result};
 /// # Errors
 /// As [`Volume::read`], except that no series need be chosen.
 pub fn list(path: &Path, options: &ReadOptions) -> Result<Vec<StackSummary>> {
-    let Found::Frames(frames, _) = find(path, options)? else { return Ok(Vec::new()) };
+    let Found::Frames(frames, _) = find(&path.into(), options)? else { return Ok(Vec::new()) };
     let stacks = stacks(frames);
     Ok(stacks.iter().enumerate().map(|(i, stack)| stack.summary(i + 1)).collect())
 }
@@ -36,58 +37,50 @@ pub fn list(path: &Path, options: &ReadOptions) -> Result<Vec<StackSummary>> {
 /// # Errors
 /// As [`Volume::read`], except that no series need be chosen.
 pub fn structures(path: &Path, options: &ReadOptions) -> Result<Option<Vec<Structure>>> {
-    match find(path, options)? {
+    match find(&path.into(), options)? {
         Found::Frames(..) => Ok(None),
         Found::Structures(location, Structures::Voxels) => segmentation::structures(&location).map(Some),
         Found::Structures(location, Structures::Contours) => contours::structures(&location).map(Some),
     }
 }
 
-/// Reads one series. See [`Volume::read`], which recognises the format first. A single slice stands for the
-/// series of its folder.
-///
-/// # Errors
-/// As [`Volume::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
-    let named = |e: Error| if e.file.is_some() { e } else { e.file(path) };
+/// Reads one series, as [`Volume::read`] does. A single slice stands for the series of its folder.
+pub(crate) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
     if options.volume_index.is_some_and(|index| index > 0) {
         let message = "a DICOM series is chosen by --series, not by --volume-index";
-        return Err(Error::new(Kind::Usage, "VGS-DCM-013", message)
-            .file(path)
-            .help("`vgs info` lists the series"));
+        return Err(Error::new(Kind::Usage, "VGS-DCM-013", message).help("`vgs info` lists the series"));
     }
-    let (frames, left_out) = match find(path, options)? {
+    let (frames, left_out) = match find(input, options)? {
         Found::Frames(frames, left_out) => (frames, left_out),
         Found::Structures(location, Structures::Voxels) => return segmentation::read(&location, options),
         Found::Structures(location, Structures::Contours) => return contours::read(&location, options),
     };
     let stacks = stacks(frames);
     let asked = options.series.as_deref();
-    let stack = choose(&stacks, asked).map_err(named)?;
+    let stack = choose(&stacks, asked)?;
     if stacks.len() > 1 && asked.is_none() {
         let number = 1 + stacks.iter().position(|other| std::ptr::eq(other, stack)).unwrap_or(0);
         let rest = stacks.len() - 1;
         tracing::warn!(
             "{}: taken is {}; {rest} more can be chosen with --series",
-            path.display(),
+            input.name().display(),
             stack.summary(number).line()
         );
     }
-    let arrangement = arrange(&stack.frames, &[]).map_err(named)?;
-    check_scales(stack).map_err(named)?;
+    let arrangement = arrange(&stack.frames, &[])?;
+    check_scales(stack)?;
     let missing = missing_parts(stack, &stacks);
     if let (Some(parts), false) = (&missing, options.lenient) {
         let message = format!("the file is a part of a whole: {parts}");
         return Err(Error::new(Kind::BadData, "VGS-DCM-025", message)
-            .file(path)
             .help("put all parts into one folder and give that; --lenient reads what is there"));
     }
     let notes =
         left_out.into_iter().chain(stack.notes.iter().cloned()).chain(arrangement.notes.iter().cloned());
     for note in notes.chain(missing).chain(notes_on_values(stack)) {
-        tracing::warn!("{}: {note}", path.display());
+        tracing::warn!("{}: {note}", input.name().display());
     }
-    volume(stack, &arrangement, options).map_err(named)
+    volume(stack, &arrangement, options)
 }
 
 /// What a folder or a file holds.
@@ -100,12 +93,13 @@ pub(super) enum Found {
 
 /// Reads the frames that have a place: those of a folder or a zip, of a file of several frames, or of the series
 /// of a single slice. Where there are none, finds the structures.
-pub(super) fn find(path: &Path, options: &ReadOptions) -> Result<Found> {
+pub(super) fn find(input: &Input, options: &ReadOptions) -> Result<Found> {
+    if is_zip_file(input) {
+        return found(input.name(), &zipped_dicom_files(input, options)?, options);
+    }
+    let path = input.needed_path("a DICOM file, beside which the others of its series are looked for")?;
     if path.is_dir() {
         return found(path, &dicom_files(path)?, options);
-    }
-    if is_zip_file(path) {
-        return found(path, &zipped_dicom_files(path, options)?, options);
     }
     let folder = path.parent().filter(|folder| !folder.as_os_str().is_empty()).unwrap_or(Path::new("."));
     let location = Location::on_disk(path);

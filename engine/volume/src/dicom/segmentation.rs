@@ -56,7 +56,7 @@ pub(super) fn structures(location: &Location) -> Result<Vec<Structure>> {
 pub(super) fn read(location: &Location, options: &ReadOptions) -> Result<Volume> {
     let opened = location.open(None)?;
     let object = &opened.object;
-    let named = |e: Error| if e.file.is_some() { e } else { e.file(&location.path) };
+    let named = |e: Error| e.or_file(&location.path);
     let all = segments(object).map_err(named)?;
     let wanted = chosen(&all, &options.labels).map_err(named)?;
     let frames = match frames(location, &opened)? {

@@ -62,7 +62,7 @@ pub struct SeriesFiles {
 /// # Errors
 /// As [`super::list`].
 pub fn series(path: &Path, options: &ReadOptions) -> Result<Vec<Series>> {
-    let Found::Frames(frames, _) = find(path, options)? else { return Ok(Vec::new()) };
+    let Found::Frames(frames, _) = find(&path.into(), options)? else { return Ok(Vec::new()) };
     let stacks = stacks(frames);
     Ok((0..stacks.len()).into_par_iter().map(|at| described(&stacks, at)).collect())
 }
@@ -124,16 +124,16 @@ fn date_of(text: &str) -> String {
     }
 }
 
-/// Returns the files of the series that [`super::read()`] would read, with those of its other stacks.
+/// Returns the files of the series that [`crate::Volume::read`] would read, with those of its other stacks.
 ///
 /// # Errors
-/// As [`super::read()`].
+/// As [`crate::Volume::read`].
 pub fn series_files(path: &Path, options: &ReadOptions) -> Result<SeriesFiles> {
-    let stacks = match find(path, options)? {
+    let stacks = match find(&path.into(), options)? {
         Found::Structures(location, _) => return Ok(SeriesFiles { key: None, files: vec![location.path] }),
         Found::Frames(frames, _) => stacks(frames),
     };
-    let named = |e: Error| if e.file.is_some() { e } else { e.file(path) };
+    let named = |e: Error| e.or_file(path);
     let stack = choose(&stacks, options.series.as_deref()).map_err(named)?;
     let at = stacks.iter().position(|other| std::ptr::eq(other, stack)).unwrap_or(0);
     let same = stacks.iter().filter(|other| other.first().file.series == stack.first().file.series);

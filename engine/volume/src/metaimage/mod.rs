@@ -7,7 +7,6 @@
 //! Format: <https://itk.org/Wiki/MetaIO/Documentation>.
 
 use std::collections::BTreeMap;
-use std::fs;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DVec3};
@@ -19,6 +18,7 @@ use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
 use super::text_header::{Lines, check_grid, excerpt, names_several, open_beside, path_beside, reals};
 use super::{ReadOptions, Volume};
+use base::input::Input;
 use base::unit::Unit;
 use base::{Error, Kind, Result};
 
@@ -151,23 +151,16 @@ pub(super) fn sniff(head: &[u8]) -> bool {
     false
 }
 
-/// Reads one volume. See [`Volume::read`], which recognises the format first.
-///
-/// # Errors
-/// As [`Volume::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
-    read_volume(path, options).map_err(|e| if e.file.is_some() { e } else { e.file(path) })
-}
-
 /// Returns the file of voxels that a header names; `None` if they are in the same file.
 pub(super) fn beside(path: &Path) -> Option<PathBuf> {
-    let header = Header::read(&mut Source::open(path, true).ok()?).ok()?;
+    let header = Header::read(&mut Source::open(&path.into(), true).ok()?).ok()?;
     let name = header.field("ElementDataFile").filter(|name| !name.eq_ignore_ascii_case("local"))?;
     path_beside(path, name).ok()
 }
 
-fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
-    let mut source = Source::open(path, options.lenient)?;
+/// Reads one volume, as [`Volume::read`] does.
+pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
+    let mut source = Source::open(input, options.lenient)?;
     let header = Header::read(&mut source)?;
     let element = header.element()?;
     let sizes = header.sizes()?;
@@ -182,14 +175,14 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
         notes.push("ElementToIntensityFunction is not applied, as in ITK: voxels are read as stored".into());
     }
     for note in notes {
-        tracing::warn!("{}: {note}", path.display());
+        tracing::warn!("{}: {note}", input.name().display());
     }
     let [x, y, z, volumes] = [0, 1, 2, 3].map(|axis| sizes.get(axis).copied().unwrap_or(1));
     let size = [x, y, z];
     // The volumes of a series follow each other; too large a product is refused by the layout.
     let run = x.saturating_mul(y).saturating_mul(z);
     let layout = Layout::new(element, big_endian, size, (volumes, run), options)?;
-    let payload = header.open_payload(source, path, is_text, layout.bytes(), options)?;
+    let payload = header.open_payload(source, input, is_text, layout.bytes(), options)?;
     let samples = payload.samples(&layout, is_text, options)?;
     let stated_unit = match header.field("Modality").map(str::to_uppercase).as_deref() {
         Some("MET_MOD_CT") => Some(Unit::Hu),
@@ -422,14 +415,13 @@ impl Header {
     fn open_payload(
         &self,
         mut source: Source,
-        header: &Path,
+        header: &Input,
         is_text: bool,
         bytes: u64,
         options: &ReadOptions,
     ) -> Result<Payload> {
         let packed = self.is_true(&["CompressedData"])?.unwrap_or(false) && !is_text;
         let mut packing = if packed { Packing::Zlib } else { Packing::Plain };
-        let mut path = header.to_owned();
         let name = self.field("ElementDataFile").unwrap_or_default();
         if !name.eq_ignore_ascii_case("local") {
             if names_several(name) {
@@ -439,7 +431,7 @@ impl Header {
                     "write the volume as one file: open it in 3D Slicer and save it as .nrrd or .mha",
                 ));
             }
-            (source, path) = open_beside(header, name, options.lenient)?;
+            source = open_beside(header, name, options.lenient)?;
             // A file that is gzip as a whole is unpacked on the way.
             if source.gzip {
                 packing = Packing::Plain;
@@ -454,9 +446,8 @@ impl Header {
                 return Err(wrong("-1, which counts from the end, needs plain voxels that are not packed"));
             }
             Ok(-1) => {
-                let length = fs::metadata(&path).map_err(|e| Error::io(&path, "reading", &e))?.len();
-                let start = length.checked_sub(bytes).filter(|&start| start >= source.position);
-                start.ok_or_else(|| source.truncated(bytes.saturating_add(source.position), length))?
+                let start = source.stored.checked_sub(bytes).filter(|&start| start >= source.position);
+                start.ok_or_else(|| source.truncated(bytes.saturating_add(source.position), source.stored))?
                     - source.position
             }
             // The offset counts from the beginning of the file, also if the voxels are in the header's own
@@ -471,7 +462,7 @@ impl Header {
         if source.skip(forward)? < forward {
             return Err(source.truncated(source.position.saturating_add(bytes), source.position));
         }
-        Payload::new(source, &path, packing, options.lenient)
+        Payload::new(source, packing, options.lenient)
     }
 }
 

@@ -1,5 +1,6 @@
 //! Crafted files: what must be read, and what must be refused and how.
 
+use std::fs;
 use std::io::Write;
 
 use flate2::Compression;
@@ -49,7 +50,7 @@ fn read_in(folder: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Volume>
 }
 
 fn read_bytes(bytes: &[u8]) -> Result<Volume> {
-    read_in(tempfile::tempdir().unwrap().path(), bytes, &options())
+    crate::tests::read_both("a.mha", bytes, &options())
 }
 
 #[test]

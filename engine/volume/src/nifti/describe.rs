@@ -1,7 +1,7 @@
 //! Description of a NIfTI header, without reading the voxels.
 
 use std::collections::BTreeMap;
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use serde::Serialize;
 
@@ -13,6 +13,7 @@ use crate::affine::{axis_codes_of, spacing_of};
 #[cfg(doc)]
 use base::Kind;
 use base::Result;
+use base::input::Input;
 
 /// The content of a NIfTI header, for people and for scripts.
 #[derive(Clone, Debug, Serialize)]
@@ -66,12 +67,12 @@ pub struct Header {
 /// Reads and checks the header and the label names, whatever the voxels are: RGB and complex files too.
 ///
 /// # Errors
-/// [`Kind::Missing`], [`Kind::BadData`] or [`Kind::Io`].
-pub fn describe(path: impl AsRef<Path>) -> Result<Header> {
-    let path = path.as_ref();
+/// [`Kind::Missing`], [`Kind::BadData`] or [`Kind::Io`]; [`Kind::Usage`] for half of a pair without a path.
+pub fn describe(input: impl Into<Input>) -> Result<Header> {
+    let input = input.into();
     // The voxels are not read, so their amount is no reason to refuse.
     let options = ReadOptions { max_bytes: u64::MAX, lenient: true, ..ReadOptions::default() };
-    let opened = open(path, &options).map_err(|e| if e.file.is_some() { e } else { e.file(path) })?;
+    let opened = open(&input, &options).map_err(|e| e.or_file(input.name()))?;
     let h = opened.header;
     let oriented = h.affine_source != "pixdim";
     let [x, y, z, t] = h.affine.to_cols_array_2d();
@@ -79,7 +80,7 @@ pub fn describe(path: impl AsRef<Path>) -> Result<Header> {
         format: if h.version == 1 { "NIfTI-1" } else { "NIfTI-2" },
         big_endian: h.big_endian,
         gzip: opened.gzip,
-        voxel_file: (!h.single_file).then_some(opened.voxel_path),
+        voxel_file: (!h.single_file).then_some(opened.voxels.path),
         datatype: h.datatype.name,
         datatype_code: h.datatype.code,
         scalar: h.datatype.decode.is_some(),

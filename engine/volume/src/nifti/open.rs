@@ -7,6 +7,7 @@ use super::header::{Parsed, SIZE_1, SIZE_2};
 use super::{extension, header};
 use crate::ReadOptions;
 use crate::source::Source;
+use base::input::Input;
 use base::{Error, Kind, Result};
 
 /// The longest run of extensions that is read; longer ones are skipped.
@@ -18,14 +19,18 @@ pub(super) struct Opened {
     pub(super) labels: BTreeMap<i32, String>,
     /// Source at the first voxel.
     pub(super) voxels: Source,
-    pub(super) voxel_path: PathBuf,
     pub(super) gzip: bool,
 }
 
+/// What half of a pair is that was given without a path.
+const HALF: &str = "one of the two files, .hdr and .img, of a NIfTI pair";
+
 /// Opens a file up to its voxels, and reads its header and its label names.
-pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Opened> {
-    let header_path = if has_ending(path, ".img") { partner(path, ".img", ".hdr")? } else { path.to_owned() };
-    let mut source = Source::open(&header_path, options.lenient)?;
+pub(super) fn open(input: &Input, options: &ReadOptions) -> Result<Opened> {
+    let is_voxels = has_ending(input.name(), ".img");
+    let of_header =
+        if is_voxels { partner(input.needed_path(HALF)?, ".img", ".hdr")?.into() } else { input.clone() };
+    let mut source = Source::open(&of_header, options.lenient)?;
     let gzip = source.gzip;
     let mut head = [0; SIZE_2];
     // No more than the smaller header: a NIfTI-1 header may be a whole file.
@@ -34,7 +39,7 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Opened> {
         n += source.read_some(&mut head[SIZE_1..])?;
     }
     let mut header = header::parse(&head[..n])?;
-    if gzip != Source::named_gzip(&header_path) {
+    if gzip != Source::named_gzip(&source.path) {
         let (is, name) = if gzip { ("gzip", "does not end in .gz") } else { ("not gzip", "ends in .gz") };
         header.notes.push(format!("the content is {is} although the name {name}: it is read as what it is"));
     }
@@ -45,18 +50,16 @@ pub(super) fn open(path: &Path, options: &ReadOptions) -> Result<Opened> {
         if source.skip(gap)? < gap {
             return Err(source.truncated(header.vox_offset, source.position));
         }
-        return Ok(Opened { header, labels, voxels: source, voxel_path: header_path, gzip });
+        return Ok(Opened { header, labels, voxels: source, gzip });
     }
     source.finish(options.max_bytes)?;
-    let voxel_path = match has_ending(path, ".img") {
-        true => path.to_owned(),
-        false => partner(path, ".hdr", ".img")?,
-    };
-    let mut voxels = Source::open(&voxel_path, options.lenient)?;
+    let path = input.needed_path(HALF)?;
+    let voxel_path = if is_voxels { path.to_owned() } else { partner(path, ".hdr", ".img")? };
+    let mut voxels = Source::open(&voxel_path.into(), options.lenient)?;
     if voxels.skip(header.vox_offset)? < header.vox_offset {
         return Err(voxels.truncated(header.vox_offset, voxels.position));
     }
-    Ok(Opened { header, labels, voxels, voxel_path, gzip })
+    Ok(Opened { header, labels, voxels, gzip })
 }
 
 /// Returns the other file of a pair; `None` if `path` is a whole file.

@@ -1,31 +1,22 @@
 //! The voxels of a NIfTI file.
 
-use std::path::Path;
-
 use super::open::{Opened, open};
 use crate::source::reserve_samples;
 use crate::{ReadOptions, Volume};
+use base::input::Input;
 use base::unit::Unit;
 use base::{Error, Kind, Result};
 
 /// Number of voxels that are decoded at a time.
 const BLOCK: usize = 65536;
 
-/// Reads one volume. See [`Volume::read`], which recognises the format first.
-///
-/// # Errors
-/// As [`Volume::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
-    let named = |e: Error| if e.file.is_some() { e } else { e.file(path) };
-    let opened = open(path, options).map_err(named)?;
-    for note in &opened.header.notes {
-        tracing::warn!("{}: {note}", path.display());
+/// Reads one volume, as [`Volume::read`] does.
+pub(crate) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
+    let Opened { header, labels, mut voxels, .. } = open(input, options)?;
+    for note in &header.notes {
+        tracing::warn!("{}: {note}", input.name().display());
     }
-    samples(opened, options).map_err(named)
-}
-
-fn samples(opened: Opened, options: &ReadOptions) -> Result<Volume> {
-    let Opened { header, labels, mut voxels, voxel_path, .. } = opened;
+    let voxel_path = voxels.path.clone();
     let Some(decode) = header.datatype.decode else {
         let message = format!(
             "the datatype {} ({}) is not a scalar volume",

@@ -1,7 +1,7 @@
 //! Crafted files: what must be read, and what must be refused and how.
 
 use std::fs;
-use std::io::Write;
+use std::io::{Cursor, Write};
 
 use flate2::{Compression, write::GzEncoder};
 use glam::{DAffine3, DMat3, DQuat, DVec3};
@@ -9,7 +9,9 @@ use proptest::prelude::*;
 
 use super::header::{SIZE_1, SIZE_2};
 use super::*;
+use crate::tests::read_both;
 use crate::{ReadOptions, Volume};
+use base::input::Input;
 use base::{Kind, Result};
 
 /// A header and the bytes that follow it, to be stored in either version and byte order.
@@ -152,22 +154,12 @@ fn options() -> ReadOptions {
     ReadOptions { max_bytes: 1 << 20, ..ReadOptions::default() }
 }
 
-fn read_as(name: &str, bytes: &[u8], options: &ReadOptions) -> Result<Volume> {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join(name);
-    fs::write(&path, bytes).unwrap();
-    Volume::read(&path, options)
-}
-
 fn read_crafted(c: &Crafted) -> Result<Volume> {
-    read_as("a.nii", &c.bytes(), &options())
+    read_both("a.nii", &c.bytes(), &options())
 }
 
 fn describe_bytes(bytes: &[u8]) -> Result<Header> {
-    let dir = tempfile::tempdir().unwrap();
-    let path = dir.path().join("a.nii");
-    fs::write(&path, bytes).unwrap();
-    describe(&path)
+    describe(Input::of(Cursor::new(bytes.to_vec()), "a.nii"))
 }
 
 fn count(n: usize) -> Vec<f32> {
@@ -344,7 +336,7 @@ fn malformed_files_are_refused() {
         ),
     ];
     for (what, bytes, code, word) in cases {
-        let error = read_as("a.nii", &bytes, &options()).map(|v| v.size).unwrap_err();
+        let error = read_both("a.nii", &bytes, &options()).map(|v| v.size).unwrap_err();
         assert_eq!((error.kind, error.code), (Kind::BadData, code), "{what}: {error}");
         assert!(error.message.contains(word), "{what}: {error}");
         assert!(error.file.is_some(), "{what}");
@@ -365,7 +357,7 @@ fn compression_is_recognised_by_content() {
         ("a.nii.gz", members),
         ("a.nii.gz", padded),
     ] {
-        assert_eq!(read_as(name, &bytes, &options()).unwrap().samples, count(24), "{name}");
+        assert_eq!(read_both(name, &bytes, &options()).unwrap().samples, count(24), "{name}");
     }
     // A name that promises something else is told.
     let dir = tempfile::tempdir().unwrap();
@@ -394,10 +386,10 @@ fn leniency_accepts_damage_beside_the_voxels() {
     for (what, bytes) in
         [("CRC", crc), ("junk", [gzip(&good), b"junk".to_vec()].concat()), ("extension", extension.bytes())]
     {
-        assert_eq!(read_as("a.nii", &bytes, &options()).unwrap_err().kind, Kind::BadData, "{what}");
-        assert_eq!(read_as("a.nii", &bytes, &lenient).unwrap().samples, count(24), "{what}");
+        assert_eq!(read_both("a.nii", &bytes, &options()).unwrap_err().kind, Kind::BadData, "{what}");
+        assert_eq!(read_both("a.nii", &bytes, &lenient).unwrap().samples, count(24), "{what}");
     }
-    assert!(read_as("a.nii", &good[..390], &lenient).is_err(), "missing voxels stay missing");
+    assert!(read_both("a.nii", &good[..390], &lenient).is_err(), "missing voxels stay missing");
 }
 
 #[test]
@@ -405,7 +397,7 @@ fn one_volume_of_a_series() {
     let series = crafted(|c| (c.dim[0], c.dim[3], c.dim[4]) = (4, 1, 2));
     for (index, expected) in [(Some(0), Ok(0.0)), (Some(1), Ok(12.0)), (Some(2), Err(())), (None, Err(()))] {
         let options = ReadOptions { volume_index: index, ..options() };
-        match (read_as("a.nii", &series.bytes(), &options), expected) {
+        match (read_both("a.nii", &series.bytes(), &options), expected) {
             (Ok(v), Ok(first)) => assert_eq!((v.size, v.samples[0]), ([4, 3, 1], first)),
             (Err(e), Err(())) => {
                 assert_eq!((e.kind, e.code), (Kind::Usage, "VGS-NII-016"));
@@ -415,7 +407,7 @@ fn one_volume_of_a_series() {
         }
     }
     let single = ReadOptions { volume_index: Some(0), ..options() };
-    assert!(read_as("a.nii", &Crafted::default().bytes(), &single).is_ok());
+    assert!(read_both("a.nii", &Crafted::default().bytes(), &single).is_ok());
 }
 
 #[test]
@@ -445,7 +437,7 @@ fn pairs_are_found_from_either_file() {
         fs::remove_file(dir.path().join(header)).unwrap();
         assert_eq!(Volume::read(dir.path().join(voxels), &options()).unwrap_err().kind, Kind::Missing);
     }
-    let misnamed = read_as("a.nii", &pair.bytes(), &options()).unwrap_err();
+    let misnamed = read_both("a.nii", &pair.bytes(), &options()).unwrap_err();
     assert_eq!((misnamed.kind, misnamed.code), (Kind::BadData, "VGS-NII-018"));
 }
 
@@ -548,7 +540,7 @@ fn with_field(name: &str, value: &str) -> Vec<u8> {
 fn no_field_that_cannot_be_read_counts_as_absent() {
     for row in FIELDS {
         for value in row.refused {
-            let error = read_as("a.nii", &with_field(row.name, value), &options()).expect_err(row.name);
+            let error = read_both("a.nii", &with_field(row.name, value), &options()).expect_err(row.name);
             let is_named = error.kind == Kind::BadData && error.message.contains(row.name);
             assert!(is_named, "{} = {value}: {error}", row.name);
         }
@@ -611,7 +603,7 @@ fn written_files_are_what_others_read() {
         // Read back by the qform alone.
         let mut bytes = if name.ends_with("gz") { continue } else { fs::read(&path).unwrap() };
         bytes[254..256].fill(0);
-        let by_qform = read_as("q.nii", &bytes, &options()).unwrap();
+        let by_qform = read_both("q.nii", &bytes, &options()).unwrap();
         assert!(by_qform.world_from_voxel.abs_diff_eq(affine, 1e-5), "{:?}", by_qform.world_from_voxel);
     }
     assert_eq!(fs::read_dir(dir.path()).unwrap().count(), 3);
@@ -691,7 +683,7 @@ proptest! {
             bytes.truncate(keep.index(bytes.len()));
         }
         let options = ReadOptions { lenient, ..options() };
-        if let Ok(v) = read_as("a.nii", &bytes, &options) {
+        if let Ok(v) = read_both("a.nii", &bytes, &options) {
             prop_assert_eq!(v.samples.len(), v.size.iter().product::<usize>());
             prop_assert!(v.world_from_voxel.is_finite());
         }

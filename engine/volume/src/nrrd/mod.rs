@@ -14,7 +14,6 @@
 mod geometry;
 mod header;
 
-use std::fs;
 use std::path::{Path, PathBuf};
 
 pub(super) use self::header::FIELDS;
@@ -23,6 +22,7 @@ use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
 use super::text_header::{check_grid, excerpt, names_several, open_beside, path_beside, skip_lines};
 use super::{ReadOptions, Volume};
+use base::input::Input;
 use base::unit::Unit;
 use base::{Error, Result};
 
@@ -31,22 +31,15 @@ pub(super) fn sniff(head: &[u8]) -> bool {
     head.starts_with(b"NRRD000")
 }
 
-/// Reads one volume. See [`Volume::read`], which recognises the format first.
-///
-/// # Errors
-/// As [`Volume::read`].
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
-    read_volume(path, options).map_err(|e| if e.file.is_some() { e } else { e.file(path) })
-}
-
 /// Returns the file of voxels that a header names; `None` if they are in the same file.
 pub(super) fn beside(path: &Path) -> Option<PathBuf> {
-    let header = Header::read(&mut Source::open(path, true).ok()?).ok()?;
+    let header = Header::read(&mut Source::open(&path.into(), true).ok()?).ok()?;
     path_beside(path, header.field("data file")?).ok()
 }
 
-fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
-    let mut source = Source::open(path, options.lenient)?;
+/// Reads one volume, as [`Volume::read`] does.
+pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
+    let mut source = Source::open(input, options.lenient)?;
     let header = Header::read(&mut source)?;
     let mut notes = Vec::new();
     header.check_names(&mut notes)?;
@@ -64,9 +57,9 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
         notes.push("'old min' and 'old max' are not applied: voxels are read as they are stored".into());
     }
     for note in notes {
-        tracing::warn!("{}: {note}", path.display());
+        tracing::warn!("{}: {note}", input.name().display());
     }
-    let payload = open_payload(&header, source, path, encoding, layout.bytes(), options)?;
+    let payload = open_payload(&header, source, input, encoding, layout.bytes(), options)?;
     let samples = payload.samples(&layout, encoding == Encoding::Text, options)?;
     let stated_unit = header.field("sample units").and_then(|text| {
         let name = text.trim_matches('"').to_lowercase();
@@ -79,7 +72,7 @@ fn read_volume(path: &Path, options: &ReadOptions) -> Result<Volume> {
 fn open_payload(
     fields: &Header,
     mut source: Source,
-    header: &Path,
+    header: &Input,
     encoding: Encoding,
     bytes: u64,
     options: &ReadOptions,
@@ -91,13 +84,12 @@ fn open_payload(
     };
     let (lines, skip) = (number("line skip")?, number("byte skip")?);
     let lines = u64::try_from(lines).map_err(|_| wrong_skip("line skip", lines.to_string()))?;
-    let mut path = header.to_owned();
     let mut packing = if encoding == Encoding::Gzip { Packing::Gzip } else { Packing::Plain };
     if let Some(name) = fields.field("data file") {
         if names_several(name) {
             return Err(several_files(name));
         }
-        (source, path) = open_beside(header, name, options.lenient)?;
+        source = open_beside(header, name, options.lenient)?;
         // A file that is gzip as a whole is unpacked on the way.
         if source.gzip {
             packing = Packing::Plain;
@@ -111,14 +103,13 @@ fn open_payload(
         }
         // -1 stands for the end of the file, -2 for one byte before it.
         Err(_) => {
-            let length = fs::metadata(&path).map_err(|e| Error::io(&path, "reading", &e))?.len();
             let used = skip.unsigned_abs().saturating_sub(1).saturating_add(bytes);
-            let start = length.checked_sub(used).filter(|&start| start >= source.position);
-            start.ok_or_else(|| source.truncated(used.saturating_add(source.position), length))?
+            let start = source.stored.checked_sub(used).filter(|&start| start >= source.position);
+            start.ok_or_else(|| source.truncated(used.saturating_add(source.position), source.stored))?
                 - source.position
         }
     };
-    let mut payload = Payload::new(source, &path, packing, options.lenient)?;
+    let mut payload = Payload::new(source, packing, options.lenient)?;
     payload.expect(forward, u64::MAX)?;
     payload.skip(forward)?;
     Ok(payload)

@@ -46,7 +46,7 @@ fn read_in(folder: &Path, bytes: &[u8], options: &ReadOptions) -> Result<Volume>
 }
 
 fn read_bytes(bytes: &[u8]) -> Result<Volume> {
-    read_in(tempfile::tempdir().unwrap().path(), bytes, &options())
+    crate::tests::read_both("a.nrrd", bytes, &options())
 }
 
 fn code(bytes: &[u8]) -> &'static str {

@@ -150,7 +150,7 @@ impl Case {
         let (case, mask) = Case::with_mask(volume_path, read, region)?;
         let labels = match (&region.roi, mask) {
             (Some(path), Some((mask, choice))) => {
-                Labels::chosen(&mask, &choice, &case.volume).map_err(|e| named(e, path))?
+                Labels::chosen(&mask, &choice, &case.volume).map_err(|e| e.or_file(path))?
             }
             _ => None,
         };
@@ -167,7 +167,7 @@ impl Case {
         let volume = volume_of(volume_path, read)?;
         let (mask, label) = (region.roi.as_deref(), region.roi_label.as_deref());
         let (roi, mask) = region_with_mask(&volume, read, mask, region.roi_threshold, &cleaning, label)
-            .map_err(|e| named(e, volume_path))?
+            .map_err(|e| e.or_file(volume_path))?
             // The flags are a required group.
             .unwrap_or_else(|| unreachable!("a region of interest is required"));
         tracing::info!(
@@ -262,16 +262,12 @@ fn region_with_mask(
     if let Some(path) = mask {
         let _waiting = Waiting::on(format!("reading {}", path.display()));
         let mask = Volume::read_mask(path, &read.options(), &labels, volume)?;
-        let roi = Roi::from_mask(&mask, &labels, volume).map_err(|e| named(e, path))?;
+        let roi = Roi::from_mask(&mask, &labels, volume).map_err(|e| e.or_file(path))?;
         return Ok(Some((roi, Some((mask, labels)))));
     }
     let _waiting = Waiting::on("finding the voxels of the threshold");
     let roi = threshold.map(|[low, high]| cleaning.region(volume, low, high)).transpose()?;
     Ok(roi.map(|roi| (roi, None)))
-}
-
-fn named(error: Error, path: &Path) -> Error {
-    if error.file.is_some() { error } else { error.file(path) }
 }
 
 /// Record of an input file.

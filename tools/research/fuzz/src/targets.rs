@@ -1,9 +1,9 @@
 //! The readers that are fuzzed.
 
-use std::path::Path;
 use std::sync::LazyLock;
 
 use engine::fit::{FitConfig, FitState};
+use engine::input::Input;
 use engine::render::CameraFile;
 use engine::splat::{ReadOptions as SplatOptions, read_unplaced};
 use engine::volume::{LabelChoice, ReadOptions, Roi, Volume};
@@ -28,38 +28,50 @@ pub struct Target {
     pub mend: fn(&[u8]) -> Vec<u8>,
     /// Name of a file with voxels beside the file.
     pub beside: Option<&'static str>,
+    /// True if the file is read from memory, and nothing of it is on disk.
+    pub in_memory: bool,
     /// Reads a file.
-    pub read: fn(&Path) -> Result<()>,
+    pub read: fn(&Input) -> Result<()>,
 }
 
-/// Returns a reader of files that need nothing but themselves.
+/// Returns a reader of files on disk that need nothing but themselves.
 const fn reader(
     name: &'static str,
     extension: &'static str,
     seeds: fn() -> Vec<Vec<u8>>,
-    read: fn(&Path) -> Result<()>,
+    read: fn(&Input) -> Result<()>,
 ) -> Target {
-    Target { name, extension, seeds, mend: as_it_is, beside: None, read }
+    Target { name, extension, seeds, mend: as_it_is, beside: None, in_memory: false, read }
+}
+
+/// Returns a reader of such files in memory.
+const fn in_memory(
+    name: &'static str,
+    extension: &'static str,
+    seeds: fn() -> Vec<Vec<u8>>,
+    read: fn(&Input) -> Result<()>,
+) -> Target {
+    Target { in_memory: true, ..reader(name, extension, seeds, read) }
 }
 
 /// All readers.
 pub const TARGETS: &[Target] = &[
-    reader("nifti", "nii", seeds::nifti, volume),
+    in_memory("nifti", "nii", seeds::nifti, volume),
     Target { beside: Some("file.img"), ..reader("nifti-pair", "hdr", seeds::nifti_pair, volume) },
     Target { beside: Some("beside.raw"), ..reader("nrrd", "nrrd", seeds::nrrd, volume) },
     Target { beside: Some("beside.raw"), ..reader("metaimage", "mha", seeds::metaimage, volume) },
-    reader("npy", "npy", seeds::npy, volume),
-    reader("inv3", "inv3", seeds::inv3, volume),
+    in_memory("npy", "npy", seeds::npy, volume),
+    in_memory("inv3", "inv3", seeds::inv3, volume),
     reader("dicom", "dcm", dicom::slice, volume),
-    reader("dicom-zip", "zip", dicom::zip, volume),
+    in_memory("dicom-zip", "zip", dicom::zip, volume),
     reader("dicom-seg", "dcm", dicom::segmentation, mask),
     reader("rtstruct", "dcm", dicom::contours, mask),
-    reader("ply", "ply", splats::ply, splat_set),
-    reader("ply-colours", "ply", splats::ply_colours, splat_set),
-    reader("ply-reference", "ply", splats::ply_reference, splat_set),
-    Target { mend: splats::vgs_sums, ..reader("vgs", "vgs", splats::vgs, splat_set) },
-    Target { mend: splats::spz_sums, ..reader("spz", "spz", splats::spz, splat_set) },
-    reader("glb", "glb", splats::glb, splat_set),
+    in_memory("ply", "ply", splats::ply, splat_set),
+    in_memory("ply-colours", "ply", splats::ply_colours, splat_set),
+    in_memory("ply-reference", "ply", splats::ply_reference, splat_set),
+    Target { mend: splats::vgs_sums, ..in_memory("vgs", "vgs", splats::vgs, splat_set) },
+    Target { mend: splats::spz_sums, ..in_memory("spz", "spz", splats::spz, splat_set) },
+    in_memory("glb", "glb", splats::glb, splat_set),
     reader("vp-json", "json", seeds::vp_json, transfer_function),
     reader("vp", "vp", seeds::vp, transfer_function),
     reader("slicer-xml", "xml", seeds::slicer_xml, transfer_function),
@@ -73,12 +85,12 @@ pub const TARGETS: &[Target] = &[
     reader("camera", "json", camera_seeds, camera),
 ];
 
-fn volume(path: &Path) -> Result<()> {
+fn volume(input: &Input) -> Result<()> {
     let options = ReadOptions { max_bytes: VOLUME_BYTES, ..ReadOptions::default() };
-    let strict = Volume::read(path, &options).map(drop);
+    let strict = Volume::read(input, &options).map(drop);
     // What is refused may still be read by the lenient way, which must be as safe.
     if strict.is_err() {
-        let _ = Volume::read(path, &ReadOptions { lenient: true, volume_index: Some(0), ..options });
+        let _ = Volume::read(input, &ReadOptions { lenient: true, volume_index: Some(0), ..options });
     }
     strict
 }
@@ -89,38 +101,38 @@ static SCAN: LazyLock<Volume> = LazyLock::new(|| {
     Volume::new([4, 3, 2], dicom::world_from_voxel(), samples)
 });
 
-fn mask(path: &Path) -> Result<()> {
+fn mask(input: &Input) -> Result<()> {
     let options = ReadOptions { max_bytes: VOLUME_BYTES, ..ReadOptions::default() };
     let labels = LabelChoice::Labels(vec!["1".into()]);
-    let whole = Volume::read_mask(path, &options, &LabelChoice::Whole, &SCAN);
-    let chosen = Volume::read_mask(path, &options, &labels, &SCAN)?;
+    let whole = Volume::read_mask(input, &options, &LabelChoice::Whole, &SCAN);
+    let chosen = Volume::read_mask(input, &options, &labels, &SCAN)?;
     let _ = Roi::from_mask(&chosen, &labels, &SCAN);
     whole.map(drop)
 }
 
-fn splat_set(path: &Path) -> Result<()> {
-    let _ = engine::splat::describe(path, &SplatOptions { strict: true, ..SplatOptions::default() });
-    read_unplaced(path, &SplatOptions::default())?.placed(Some(&splats::place())).map(drop)
+fn splat_set(input: &Input) -> Result<()> {
+    let _ = engine::splat::describe(input, &SplatOptions { strict: true, ..SplatOptions::default() });
+    read_unplaced(input, &SplatOptions::default())?.placed(Some(&splats::place())).map(drop)
 }
 
-fn transfer_function(path: &Path) -> Result<()> {
-    transfer::read(path, None, [-1000.0, 2000.0]).map(drop)
+fn transfer_function(input: &Input) -> Result<()> {
+    transfer::read(input.name(), None, [-1000.0, 2000.0]).map(drop)
 }
 
-fn picture(path: &Path) -> Result<()> {
-    image::read(path).map(drop)
+fn picture(input: &Input) -> Result<()> {
+    image::read(input.name()).map(drop)
 }
 
-fn fit_state(path: &Path) -> Result<()> {
-    FitState::read(path).map(drop)
+fn fit_state(input: &Input) -> Result<()> {
+    FitState::read(input.name()).map(drop)
 }
 
 fn as_it_is(bytes: &[u8]) -> Vec<u8> {
     bytes.to_vec()
 }
 
-fn text(path: &Path) -> Result<String> {
-    let bytes = std::fs::read(path).map_err(|e| Error::io(path, "reading", &e))?;
+fn text(input: &Input) -> Result<String> {
+    let bytes = std::fs::read(input.name()).map_err(|e| Error::io(input.name(), "reading", &e))?;
     String::from_utf8(bytes).map_err(|_| bad("not UTF-8"))
 }
 
@@ -128,8 +140,8 @@ fn bad(message: impl ToString) -> Error {
     Error::new(Kind::BadData, "VGS-FUZ-001", message.to_string())
 }
 
-fn config(path: &Path) -> Result<()> {
-    let config: FitConfig = toml::from_str(&text(path)?).map_err(bad)?;
+fn config(input: &Input) -> Result<()> {
+    let config: FitConfig = toml::from_str(&text(input)?).map_err(bad)?;
     config.check()
 }
 
@@ -137,8 +149,8 @@ fn config_seeds() -> Vec<Vec<u8>> {
     vec![toml::to_string(&FitConfig::default()).expect("a configuration is TOML").into_bytes()]
 }
 
-fn session(path: &Path) -> Result<()> {
-    ViewState::read(path).map(drop)
+fn session(input: &Input) -> Result<()> {
+    ViewState::read(input.name()).map(drop)
 }
 
 fn session_seeds() -> Vec<Vec<u8>> {
@@ -146,16 +158,16 @@ fn session_seeds() -> Vec<Vec<u8>> {
     vec![ViewState::new(&function).text().expect("a session is TOML").into_bytes()]
 }
 
-fn settings(path: &Path) -> Result<()> {
-    Settings::read(Some(path.to_owned())).map(drop)
+fn settings(input: &Input) -> Result<()> {
+    Settings::read(Some(input.name().to_owned())).map(drop)
 }
 
 fn settings_seeds() -> Vec<Vec<u8>> {
     vec![b"notice_seen = true\nrecent = [\"/home/a/b.ply\", \"c.vgs\"]\n".to_vec()]
 }
 
-fn camera(path: &Path) -> Result<()> {
-    let file: CameraFile = serde_json::from_str(&text(path)?).map_err(bad)?;
+fn camera(input: &Input) -> Result<()> {
+    let file: CameraFile = serde_json::from_str(&text(input)?).map_err(bad)?;
     file.camera(1.0).map(drop)
 }
 

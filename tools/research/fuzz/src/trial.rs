@@ -3,13 +3,14 @@
 use std::any::Any;
 use std::cell::{Cell, RefCell};
 use std::fs::File;
-use std::io::{Seek, Write};
+use std::io::{Cursor, Seek, Write};
 use std::panic::{self, AssertUnwindSafe};
 use std::path::PathBuf;
 use std::sync::Once;
 use std::time::{Duration, Instant};
 
 use cpu_time::ProcessTime;
+use engine::input::Input;
 use engine::{Error, Kind, Result};
 use peak_alloc::PeakAlloc;
 
@@ -89,15 +90,23 @@ impl Trial {
         Ok(Trial { target, path, file, _folder: folder })
     }
 
-    /// Reads a file with these bytes. Returns whether it was accepted, or the fault.
-    pub fn read(&self, bytes: &[u8]) -> std::result::Result<bool, Fault> {
+    /// Makes a file of these bytes.
+    fn file_of(&self, bytes: &[u8]) -> Input {
+        if self.target.in_memory {
+            return Input::of(Cursor::new(bytes.to_vec()), &self.path);
+        }
         let mut file = &self.file;
         let written = file.rewind().and_then(|()| file.write_all(bytes));
         written.and_then(|()| file.set_len(bytes.len() as u64)).expect("a small file fits");
+        Input::from(&self.path)
+    }
+
+    /// Reads a file with these bytes. Returns whether it was accepted, or the fault.
+    pub fn read(&self, bytes: &[u8]) -> std::result::Result<bool, Fault> {
+        let input = self.file_of(bytes);
         let (begin, cpu) = (Instant::now(), ProcessTime::now());
         READING.set(true);
-        let (read, taken) =
-            heap_of(|| panic::catch_unwind(AssertUnwindSafe(|| (self.target.read)(&self.path))));
+        let (read, taken) = heap_of(|| panic::catch_unwind(AssertUnwindSafe(|| (self.target.read)(&input))));
         READING.set(false);
         let clock = begin.elapsed();
         let time = if clock > LONGEST { cpu.elapsed() } else { clock };

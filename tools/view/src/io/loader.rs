@@ -218,7 +218,7 @@ impl Loader {
         files.set_region(None);
         let Some(path) = files.volume.clone() else { return };
         self.spawn(ALWAYS, move |job| {
-            let list = || dicom::series(&path, &ReadOptions::default()).map_err(|e| named(e, &path));
+            let list = || dicom::series(&path, &ReadOptions::default()).map_err(|e| e.or_file(&path));
             if let Some(rows) = job.run("listing the series".to_owned(), list) {
                 job.say(Message::Loaded(Loaded::Several(Series { files, rows })));
             }
@@ -506,11 +506,11 @@ pub fn read_volume(path: &Path, there: Option<Arc<Volume>>, files: &Files) -> Re
     let (roi, labels) = match files.region() {
         None => (None, None),
         Some(Region::Threshold(threshold)) => {
-            (Some(threshold.find(&volume).map_err(|e| named(e, path))?), None)
+            (Some(threshold.find(&volume).map_err(|e| e.or_file(path))?), None)
         }
         Some(Region::Mask { path: mask, labels }) => {
             let (roi, labels) =
-                read_mask(&mask, labels.as_deref(), &options, &volume).map_err(|e| named(e, &mask))?;
+                read_mask(&mask, labels.as_deref(), &options, &volume).map_err(|e| e.or_file(&mask))?;
             (Some(roi), labels)
         }
     };
@@ -530,10 +530,6 @@ fn read_mask(
 
 fn name_of(path: &Path) -> String {
     path.file_name().unwrap_or_default().to_string_lossy().into_owned()
-}
-
-fn named(error: Error, path: &Path) -> Error {
-    if error.file.is_some() { error } else { error.file(path) }
 }
 
 #[cfg(test)]

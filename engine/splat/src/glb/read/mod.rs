@@ -2,7 +2,6 @@
 
 use std::io::{BufReader, Read, Seek, SeekFrom};
 use std::ops::Range;
-use std::path::Path;
 
 use glam::{DAffine3, DMat3, DVec3};
 use serde_json::Value;
@@ -19,6 +18,7 @@ use crate::region::Stored;
 use crate::space::transformed;
 use crate::{Harmonics, PLY_LAYOUTS, ReadOptions, Splat, SplatSet, Summary, Unplaced, ply};
 use base::error::{Error, Kind, Result};
+use base::input::Input;
 use base::memory;
 use base::unit::Unit;
 
@@ -38,14 +38,14 @@ pub fn sniff(start: &[u8]) -> bool {
 }
 
 /// Reads a set, with intensities if the file has them, and otherwise with colours.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
-    let Loaded { set, .. } = load(path, options)?;
-    Ok(Unplaced { path: path.to_owned(), set, rows: None })
+pub fn read(input: &Input, options: &ReadOptions) -> Result<Unplaced> {
+    let Loaded { set, .. } = load(input, options)?;
+    Ok(Unplaced { path: input.name().to_owned(), set, rows: None })
 }
 
 /// Reads a set and describes what the file holds.
-pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, mended, bytes, layout, properties } = load(path, options)?;
+pub fn describe(input: &Input, options: &ReadOptions) -> Result<Summary> {
+    let Loaded { set, mended, bytes, layout, properties } = load(input, options)?;
     Ok(Summary {
         encoding: "binary glTF 2.0".to_owned(),
         elements: vec![("splat".to_owned(), (set.splats.len() + mended.dropped) as u64)],
@@ -65,10 +65,11 @@ struct Loaded {
     properties: Vec<String>,
 }
 
-fn load(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+fn load(input: &Input, options: &ReadOptions) -> Result<Loaded> {
+    let path = input.name();
     let failed = |error| Error::io(path, "reading a splat file", &error);
-    let file = base::input::open(path).map_err(failed)?;
-    let bytes = file.metadata().map_err(failed)?.len();
+    let file = input.open().map_err(failed)?;
+    let bytes = file.length;
     let loaded = decoded(BufReader::new(file), bytes, options).map_err(|error| error.file(path))?;
     loaded.mended.tell(path, &loaded.set);
     if loaded.set.unit.is_physical() && loaded.layout == ply::ORDINARY {

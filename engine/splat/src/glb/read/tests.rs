@@ -4,6 +4,7 @@ use glam::DQuat;
 use serde_json::json;
 
 use super::*;
+use crate::file::tests::read_both;
 use crate::ordinary::tests::{Errors, check, coloured, rows};
 use crate::region::tests::region_of;
 use crate::{Field, Form, Grid, Kernel, WriteOptions, describe, write, write_as};
@@ -24,9 +25,7 @@ fn file_of(json: &Value, binary: &[u8]) -> Vec<u8> {
 }
 
 fn read_bytes(bytes: &[u8]) -> Result<SplatSet> {
-    let file = tempfile::NamedTempFile::new().expect("a file");
-    std::fs::write(file.path(), bytes).expect("written");
-    read(file.path(), &ReadOptions::default())?.placed(None)
+    read_both(read, bytes, &ReadOptions::default())
 }
 
 /// A file of two splats as others may write it: a node that turns, scales and moves them, numbers of 8 and 16 bits, rows
@@ -300,7 +299,5 @@ fn splats_that_are_no_numbers_are_dropped() {
     let file = file_of(&document, &binary);
     assert_eq!(read_bytes(&file).expect("the other").splats.len(), 1);
     let strict = ReadOptions { strict: true, ..ReadOptions::default() };
-    let path = tempfile::NamedTempFile::new().expect("a file");
-    std::fs::write(path.path(), file).expect("written");
-    assert_eq!(read(path.path(), &strict).expect_err("NaN").code, "VGS-PLY-022");
+    assert_eq!(read_both(read, &file, &strict).expect_err("NaN").code, "VGS-PLY-022");
 }

@@ -5,7 +5,6 @@ use std::io::{BufReader, Cursor};
 use glam::{DAffine3, DVec3};
 use proptest::prelude::*;
 
-use super::describe;
 use super::encode::{Row, encode};
 use super::read::{Loaded, load};
 use super::write::check;
@@ -13,7 +12,7 @@ use crate::activation::limit_anisotropy;
 use crate::harmonics::SH0;
 use crate::kernel::KERNELS;
 use crate::region::tests::region_of;
-use crate::{Activations, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, read, write};
+use crate::{Activations, Field, Form, Grid, Kernel, ReadOptions, Splat, SplatSet, describe, read, write};
 use base::error::{Kind, Result};
 use base::unit::Unit;
 

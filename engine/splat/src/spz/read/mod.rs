@@ -1,7 +1,6 @@
 //! The SPZ reader.
 
 use std::io::{self, BufRead, BufReader, Read};
-use std::path::Path;
 use std::vec;
 
 use flate2::bufread::GzDecoder;
@@ -16,6 +15,7 @@ use crate::mend::{Mended, reserve, zeros};
 use crate::ordinary;
 use crate::{Harmonics, ReadOptions, Splat, SplatSet, Summary, Unplaced, ply};
 use base::error::{Error, Kind, Result};
+use base::input::Input;
 use base::memory;
 
 /// Versions that are read: of one gzip stream, and of zstd streams.
@@ -49,14 +49,14 @@ pub fn sniff(start: &[u8]) -> bool {
 }
 
 /// Reads a set with colours.
-pub fn read(path: &Path, options: &ReadOptions) -> Result<Unplaced> {
-    let Loaded { set, .. } = load(path, options)?;
-    Ok(Unplaced { path: path.to_owned(), set, rows: None })
+pub fn read(input: &Input, options: &ReadOptions) -> Result<Unplaced> {
+    let Loaded { set, .. } = load(input, options)?;
+    Ok(Unplaced { path: input.name().to_owned(), set, rows: None })
 }
 
 /// Reads a set and describes what the file holds.
-pub fn describe(path: &Path, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, header, mended, bytes } = load(path, options)?;
+pub fn describe(input: &Input, options: &ReadOptions) -> Result<Summary> {
+    let Loaded { set, header, mended, bytes } = load(input, options)?;
     let packing = if header.version == ZSTD_VERSION { "zstd" } else { "gzip" };
     Ok(Summary {
         encoding: format!("version {}, {packing}", header.version),
@@ -75,10 +75,11 @@ struct Loaded {
     bytes: u64,
 }
 
-fn load(path: &Path, options: &ReadOptions) -> Result<Loaded> {
+fn load(input: &Input, options: &ReadOptions) -> Result<Loaded> {
+    let path = input.name();
     let failed = |error| Error::io(path, "reading a splat file", &error);
-    let file = base::input::open(path).map_err(failed)?;
-    let bytes = file.metadata().map_err(failed)?.len();
+    let file = input.open().map_err(failed)?;
+    let bytes = file.length;
     let mut source = BufReader::new(file);
     let zstd = source.fill_buf().map_err(failed)?.starts_with(MARK);
     let loaded = if zstd { of_zstd(source, options) } else { of_gzip(source, options) };

@@ -6,6 +6,7 @@ use flate2::Compression;
 use flate2::write::GzEncoder;
 
 use super::*;
+use crate::file::tests::read_both;
 use crate::ordinary::tests::{Errors, check, coloured, rows};
 use crate::{describe, write};
 use base::unit::Unit;
@@ -71,12 +72,6 @@ fn quarter() -> [u8; 4] {
     (3u32 << 30 | 511).to_le_bytes()
 }
 
-fn read_bytes(bytes: &[u8], options: &ReadOptions) -> Result<SplatSet> {
-    let file = tempfile::NamedTempFile::new().expect("a file");
-    std::fs::write(file.path(), bytes).expect("written");
-    read(file.path(), options)?.placed(None)
-}
-
 #[test]
 fn what_is_written_is_read() {
     let folder = tempfile::tempdir().expect("a folder");
@@ -110,7 +105,7 @@ fn every_version_is_read() {
         ("version 4", in_version_4(&third, &[]), true),
         ("an extension of others", in_version_4(&third, &[9, 0, 1, 0, 2, 0, 0, 0, 7, 7]), true),
     ] {
-        let set = read_bytes(&file, &ReadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
+        let set = read_both(read, &file, &ReadOptions::default()).unwrap_or_else(|e| panic!("{name}: {e}"));
         let [first, second] = &set.splats[..] else { panic!("{name}: two splats") };
         // Right, up, back are x, z, −y of RAS.
         assert_eq!((first.mean, second.mean), ([1000.0, -500.0, -2000.0], [0.0; 3]), "{name}");
@@ -134,7 +129,7 @@ fn every_version_is_read() {
 fn axes_that_a_file_names_are_those_of_its_splats() {
     let third = content(3, 2, &places(), &quarter());
     let record = |number: u32| [COORDINATE_SYSTEM, 4, number].map(u32::to_le_bytes).concat();
-    let splat = |file: &[u8]| read_bytes(file, &ReadOptions::default()).expect("a set").splats[0];
+    let splat = |file: &[u8]| read_both(read, file, &ReadOptions::default()).expect("a set").splats[0];
     let plain = splat(&in_version_4(&third, &[]));
     // (1, −2, 0.5) m along right, down, front; right, front, up; left, up, back, a mirrored frame.
     for (number, mean) in [
@@ -150,7 +145,8 @@ fn axes_that_a_file_names_are_those_of_its_splats() {
     }
     let legacy = [&third[..14], &[HAS_EXTENSIONS, 0], &third[16..], &record(6)].concat();
     assert_eq!(splat(&gzip(&legacy)).mean, [1000.0, 500.0, 2000.0], "behind the splats of version 3");
-    let error = read_bytes(&in_version_4(&third, &record(17)), &ReadOptions::default()).expect_err("no axes");
+    let error =
+        read_both(read, &in_version_4(&third, &record(17)), &ReadOptions::default()).expect_err("no axes");
     assert_eq!(error.code, "VGS-SPZ-001");
 }
 
@@ -189,10 +185,10 @@ fn what_is_wrong_is_refused_by_name() {
         ("a stream that ends behind the file", fourth[..fourth.len() - 2].to_vec(), "VGS-SPZ-001"),
         ("a frame without its mark", fourth_with(32 + 80, 0), "VGS-SPZ-001"),
     ] {
-        let error = read_bytes(&file, &strict).err().unwrap_or_else(|| panic!("{name}: it was read"));
+        let error = read_both(read, &file, &strict).err().unwrap_or_else(|| panic!("{name}: it was read"));
         assert_eq!((error.kind, error.code), (Kind::BadData, code), "{name}: {error}");
     }
     let more = gzip(&[&third[..], &[0; 3]].concat());
-    assert!(read_bytes(&more, &ReadOptions::default()).is_ok(), "what follows is ignored but if strict");
+    assert!(read_both(read, &more, &ReadOptions::default()).is_ok(), "what follows is ignored but if strict");
     assert!(sniff(&gzip(&third)) && sniff(&fourth) && !sniff(&gzip(b"NGSQ")) && !sniff(b"NG") && !sniff(b""));
 }

@@ -3,7 +3,7 @@
 
 use std::path::{Path, PathBuf};
 
-use super::super::{list, read};
+use super::super::list;
 use crate::{LabelChoice, ReadOptions, Roi, Volume};
 use base::{Error, Result};
 
@@ -17,7 +17,7 @@ fn faults() -> Option<PathBuf> {
 }
 
 fn range(path: &Path) -> Result<(f32, f32)> {
-    Ok(read(path, &ReadOptions::default())?.min_max().unwrap_or_default())
+    Ok(Volume::read(path, &ReadOptions::default())?.min_max().unwrap_or_default())
 }
 
 /// Returns the number of voxels of a mask on the CT beside it.

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 
 use glam::DVec3;
 
-use super::{list, read};
+use super::list;
 use crate::{ReadOptions, Volume};
 use base::{Error, Kind, Result};
 
@@ -21,6 +21,10 @@ use writer::{Dicom, words};
 /// Returns the place of slice `i` without a tilt; slices are 3 mm apart along their normal.
 fn place(i: f64) -> DVec3 {
     DVec3::new(10.0, -20.0, 30.0 + 3.0 * i)
+}
+
+fn read(path: &Path, options: &ReadOptions) -> Result<Volume> {
+    Volume::read(path, options)
 }
 
 /// Returns a folder with these files, their names in reverse order.

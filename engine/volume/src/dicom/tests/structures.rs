@@ -11,6 +11,7 @@ use super::super::structures::other_space;
 use super::writer::{Dicom, words};
 use super::{even, place};
 use crate::dicom::{list, structures};
+use crate::tests::read_both;
 use crate::{LabelChoice, ReadOptions, Roi, Volume};
 use base::{Error, Kind, Result};
 
@@ -54,7 +55,7 @@ fn a_zip_is_read_like_its_folder() {
     let expected = super::read(folder.path(), &ReadOptions::default()).unwrap();
     // The name does not matter.
     for name in ["scan.zip", "scan"] {
-        let read = read_bytes(name, &zipped_series()).unwrap();
+        let read = read_both(name, &zipped_series(), &ReadOptions::default()).unwrap();
         assert_eq!((read.size, read.world_from_voxel), (expected.size, expected.world_from_voxel));
         assert_eq!(read.samples, expected.samples);
     }

@@ -35,7 +35,7 @@ pub fn compare(arguments: &CompareArguments, console: &Console) -> std::result::
     let [a, b] = [&arguments.a, &arguments.b].map(|path| volume_of(path, &arguments.read));
     let (a, b) = (a?, b?);
     let (mask, labels) = (volumes.roi.as_deref(), volumes.roi_label.as_deref());
-    let of_first = |error: Error| if error.file.is_some() { error } else { error.file(&arguments.a) };
+    let of_first = |error: Error| error.or_file(&arguments.a);
     let threshold = (volumes.roi_threshold, &volumes.cleaning);
     let roi = match region_of(&a, &arguments.read, mask, threshold, labels).map_err(of_first)? {
         Some(roi) => roi,
