@@ -52,7 +52,7 @@ const VIEWERS = [
         note: 'preBlurAmount 0.3; blurAmount 0; sortRadial false' },
     { page: 'mkkellogg', package: '@mkkellogg/gaussian-splats-3d', formats: ['ply', 'spz', 'compressed.ply'],
         note: 'sphericalHarmonicsDegree 2; opacities and colours in bytes; ends at 2.83 sigma',
-        fails: { 'spz': 'reads versions 1 and 2', 'compressed.ply': 'loses harmonics if the file comes at once' } },
+        fails: { 'spz': 'reads versions 1 and 2', 'compressed.ply': 'loses the harmonics or shows nothing' } },
     { page: 'supersplat', package: '@playcanvas/supersplat-viewer', formats: ['ply', 'compressed.ply', 'sog'],
         note: 'subtracts exp(-4) from the profile; sorts by distance' },
     { page: 'playcanvas', package: 'playcanvas', formats: ['ply', 'glb', 'compressed.ply', 'sog'],
