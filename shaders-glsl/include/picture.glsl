@@ -1,6 +1,6 @@
-// Standard splats on a picture, as other programs draw them (Kerbl et al. 2023): what the kernels in picture/ share.
-// A splat has the opacity α exp(-γ/2) at a distance d from its centre, γ = d · conic d, and the conic is the inverse of
-// its covariance on the picture, widened by 0.3 pixels² (Zwicker et al. 2001).
+// Standard splats on a picture, as other programs draw them (Kerbl et al. 2023): what the kernels in picture/
+// share. A splat has the opacity α exp(-γ/2) at a distance d from its centre, γ = d · conic d, and the conic is the
+// inverse of its covariance on the picture, widened by 0.3 pixels² (Zwicker et al. 2001).
 #ifndef PICTURE_GLSL
 #define PICTURE_GLSL
 #extension GL_EXT_scalar_block_layout : require
@@ -30,27 +30,27 @@ float picture_opacity(PictureSplat s, vec2 d) {
 
 // The tiles that hold the ellipse in which a splat is drawn: first x and y, end x and y.
 uvec4 picture_tiles(PictureSplat s, uvec2 size) {
-    float edge = 2.0 * log(s.opacity / LEAST_OPACITY);
+    precise float edge = 2.0 * log(s.opacity / LEAST_OPACITY);
     if (!(edge > 0.0)) return uvec4(0);
-    float determinant = s.conic.x * s.conic.z - s.conic.y * s.conic.y;
-    vec2 reach = sqrt(edge * s.conic.zx / determinant);
+    precise float determinant = s.conic.x * s.conic.z - s.conic.y * s.conic.y;
+    precise vec2 reach = sqrt(edge * s.conic.zx / determinant);
     // The middles of the pixels that the box holds.
-    vec2 first = clamp(ceil(s.centre - reach - 0.5), vec2(0.0), vec2(size));
-    vec2 last = clamp(floor(s.centre + reach - 0.5), vec2(-1.0), vec2(size) - 1.0);
+    precise vec2 first = clamp(ceil(s.centre - reach - 0.5), vec2(0.0), vec2(size));
+    precise vec2 last = clamp(floor(s.centre + reach - 0.5), vec2(-1.0), vec2(size) - 1.0);
     if (!all(lessThanEqual(first, last))) return uvec4(0);
     return uvec4(uvec2(first) / PICTURE_TILE, uvec2(last) / PICTURE_TILE + 1);
 }
 
-// Whether the ellipse in which a splat is drawn reaches the middle of a pixel of a tile: the least γ over the square of
-// these middles is at the centre if that is inside, and otherwise on one of the edges.
+// Whether the ellipse in which a splat is drawn reaches the square of the middles of a tile's pixels: the least γ in
+// it is at the centre if that is inside, and otherwise on one of the edges.
 bool reaches_tile(PictureSplat s, uvec2 tile) {
-    vec2 low = vec2(tile * PICTURE_TILE) + 0.5 - s.centre, high = low + float(PICTURE_TILE - 1);
+    precise vec2 low = vec2(tile * PICTURE_TILE) + 0.5 - s.centre, high = low + float(PICTURE_TILE - 1);
     if (all(lessThanEqual(low, vec2(0.0))) && all(greaterThanEqual(high, vec2(0.0)))) return true;
-    float least = 1e30;
+    precise float least = 1e30;
     for (uint side = 0; side < 2; ++side) {
         vec2 at = side == 0 ? low : high;
-        float y = clamp(-s.conic.y * at.x / s.conic.z, low.y, high.y);
-        float x = clamp(-s.conic.y * at.y / s.conic.x, low.x, high.x);
+        precise float y = clamp(-s.conic.y * at.x / s.conic.z, low.y, high.y);
+        precise float x = clamp(-s.conic.y * at.y / s.conic.x, low.x, high.x);
         least = min(least, s.conic.x * at.x * at.x + s.conic.z * y * y + 2.0 * s.conic.y * at.x * y);
         least = min(least, s.conic.x * x * x + s.conic.z * at.y * at.y + 2.0 * s.conic.y * x * at.y);
     }

@@ -1,10 +1,10 @@
 #version 460
-// One step of Adam for the coefficients of the harmonics, one for all three channels an invocation. A step whose pairs found no room is
-// void, as in adam.comp.
+// One step of Adam for the coefficients of the harmonics. An invocation has those of a splat. A step whose pairs
+// found no room is void, as in adam.comp.
 #extension GL_EXT_scalar_block_layout : require
 layout(local_size_x = 64) in;
 layout(push_constant, scalar) uniform AdamHarmonicsParams {
-    uint count;
+    uint splat_count;
     uint coefficients; // of a splat
     uint capacity;     // pairs that there is room for
     float beta1;
@@ -22,14 +22,17 @@ layout(scalar, binding = 3) buffer Second { vec3 second_moments[]; };
 layout(scalar, binding = 4) readonly buffer PairTotals { uint pair_totals[]; };
 
 void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i >= p.count || pair_totals[0] > p.capacity) return;
-    vec3 g = harmonic_gradients[i];
-    if (!(dot(g, g) < 1e37)) return;
-    vec3 m = p.beta1 * first_moments[i] + (1.0 - p.beta1) * g;
-    vec3 v = p.beta2 * second_moments[i] + (1.0 - p.beta2) * g * g;
-    first_moments[i] = m;
-    second_moments[i] = v;
-    float rate = i % p.coefficients == 0 ? p.rate : p.rate_rest;
-    harmonics_of[i] -= rate * (m * p.correction1) / (sqrt(v * p.correction2) + p.epsilon);
+    uint splat = gl_GlobalInvocationID.x;
+    if (splat >= p.splat_count || pair_totals[0] > p.capacity) return;
+    for (uint k = 0; k < p.coefficients; ++k) {
+        uint i = splat * p.coefficients + k;
+        vec3 g = harmonic_gradients[i];
+        if (!(dot(g, g) < 1e37)) continue;
+        vec3 m = p.beta1 * first_moments[i] + (1.0 - p.beta1) * g;
+        vec3 v = p.beta2 * second_moments[i] + (1.0 - p.beta2) * g * g;
+        first_moments[i] = m;
+        second_moments[i] = v;
+        float rate = k == 0 ? p.rate : p.rate_rest;
+        harmonics_of[i] -= rate * (m * p.correction1) / (sqrt(v * p.correction2) + p.epsilon);
+    }
 }

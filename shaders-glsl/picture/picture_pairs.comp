@@ -21,17 +21,18 @@ layout(scalar, binding = 4) writeonly buffer PairSplats { uint pair_splats[]; };
 void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.splat_count) return;
-    uint at = pair_offsets[i];
-    if (at == pair_offsets[i + 1]) return;
+    uint at = pair_offsets[i], end = min(pair_offsets[i + 1], p.capacity);
+    if (at >= end) return;
     PictureSplat s = picture_splats[i];
     float part = clamp((s.depth - p.nearest) / (p.farthest - p.nearest), 0.0, 1.0);
-    uint depth = uint(part * float((1u << p.depth_bits) - 1));
+    // A float rounds many ones up to the bit above them.
+    uint most = (1u << p.depth_bits) - 1, depth = min(uint(part * float(most)), most);
     uint columns = (p.size.x + PICTURE_TILE - 1) / PICTURE_TILE;
     uvec4 box = picture_tiles(s, p.size);
     for (uint y = box.y; y < box.w; ++y)
         for (uint x = box.x; x < box.z; ++x) {
             if (!reaches_tile(s, uvec2(x, y))) continue;
-            if (at < p.capacity) {
+            if (at < end) {
                 keys[at] = (y * columns + x) << p.depth_bits | depth;
                 values[at] = at;
                 pair_splats[at] = i;

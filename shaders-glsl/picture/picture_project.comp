@@ -4,7 +4,12 @@
 #include "picture_axes.glsl"
 #include "harmonics.glsl"
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform PictureProjectParams { View view; uvec2 size; uint splat_count; uint coefficients; } p;
+layout(push_constant, scalar) uniform PictureProjectParams {
+    View view;
+    uvec2 size;
+    uint splat_count;
+    uint coefficients;
+} p;
 layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
 layout(scalar, binding = 1) readonly buffer Harmonics { vec3 harmonics_of[]; }; // [splat][coefficient]
 layout(scalar, binding = 2) writeonly buffer PictureSplats { PictureSplat picture_splats[]; };
@@ -16,13 +21,14 @@ void main() {
     pair_counts[i] = 0;
     Splat s = splats[i];
     PictureAxes a = picture_axes(s, p.view, p.size);
-    PictureSplat r;
+    // What is counted here must be what picture_pairs.comp writes, which reads this from memory.
+    precise PictureSplat r;
     r.opacity = 0.0;
     picture_splats[i] = r;
     if (!(a.mean.z > NEAREST)) return;
     vec3 covariance = picture_covariance(a);
     float determinant = covariance.x * covariance.z - covariance.y * covariance.y;
-    if (!(determinant > 0.0)) return;
+    if (!(determinant > 0.0 && determinant < 1e37)) return;
     r.conic = vec3(covariance.z, -covariance.y, covariance.x) / determinant;
     r.centre = (a.tangents - p.view.tangents.xz) * a.focal;
     r.opacity = 1.0 / (1.0 + exp(-s.opacity_logit));

@@ -1,13 +1,19 @@
 #version 460
 // dL/d(parameters) of a splat from the sums of its pairs, which follow each other. One invocation owns a splat.
 //
-// With S1 = Σ q d, S2 = Σ q d d^T and the conic K: dL/d(centre) = K S1, dL/d(covariance) = ½ K S2 K. The covariance is
-// Σ m m^T over m = s_k a_k, a_k the own axis on the picture (picture_axes.glsl), so dL/dm = 2 dL/d(covariance) m.
+// With S1 = Σ q d, S2 = Σ q d d^T and the conic K: dL/d(centre) = K S1, dL/d(covariance) = ½ K S2 K. The
+// covariance is Σ m m^T over m = s_k a_k, a_k the own axis on the picture (picture_axes.glsl), so
+// dL/dm = 2 dL/d(covariance) m.
 #include "picture.glsl"
 #include "picture_axes.glsl"
 #include "harmonics.glsl"
 layout(local_size_x = 64) in;
-layout(push_constant, scalar) uniform PictureProjectParams { View view; uvec2 size; uint splat_count; uint coefficients; } p;
+layout(push_constant, scalar) uniform PictureProjectParams {
+    View view;
+    uvec2 size;
+    uint splat_count;
+    uint coefficients;
+} p;
 layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
 layout(scalar, binding = 1) readonly buffer Harmonics { vec3 harmonics_of[]; };
 layout(scalar, binding = 2) readonly buffer PictureSplats { PictureSplat picture_splats[]; };
@@ -44,8 +50,9 @@ void main() {
     uint i = gl_GlobalInvocationID.x;
     if (i >= p.splat_count) return;
     SplatGrad g = SplatGrad(vec3(0.0), 0.0, vec3(0.0), vec3(0.0), 0.0);
-    uint first = pair_offsets[i], end = pair_offsets[i + 1];
-    if (first == end) {
+    // A step whose pairs found no room is void, but what it reads must be there.
+    uint first = pair_offsets[i], end = min(pair_offsets[i + 1], uint(moments.length()) / PICTURE_MOMENTS);
+    if (first >= end) {
         gradients[i] = g;
         for (uint k = 0; k < p.coefficients; ++k) harmonic_gradients[i * p.coefficients + k] = vec3(0.0);
         return;

@@ -6,7 +6,7 @@ use std::time::Instant;
 use super::options::Options;
 use super::training::Training;
 use super::views::Views;
-use base::error::Result;
+use base::error::{Kind, Result};
 use base::unit::Unit;
 use gpu::Gpu;
 use render::{Look, Scene};
@@ -39,7 +39,7 @@ pub struct Report {
     pub after: Vec<f64>,
     /// Steps of the optimiser.
     pub steps: u32,
-    /// Time that the wanted pictures took, s.
+    /// Time until the wanted pictures were there, s.
     pub rendering_s: f64,
     /// Time that the steps took, s.
     pub training_s: f64,
@@ -61,7 +61,8 @@ pub struct Baked {
 /// is told what is done, and may break off: the splats are then as far as they have come.
 ///
 /// # Errors
-/// Those of [`render::baked`](fn@render::baked) and [`Options::check`].
+/// Those of [`render::baked`](fn@render::baked) and [`Options::check`], and those of the device, as of too many splats for
+/// its buffers ([`Kind::Temporary`]).
 pub fn bake(
     gpu: &Gpu,
     set: &SplatSet,
@@ -78,7 +79,10 @@ pub fn bake(
     let render::Baked { set: mut out, rows, hidden } = first;
     let mut report = Report::default();
     let total = options.views + options.held_out;
-    let unfinished = |out, rows, report| Ok(Baked { set: out, rows, hidden, report });
+    let unfinished = |out, rows, report| {
+        let rendering_s = begun.elapsed().as_secs_f64();
+        Ok(Baked { set: out, rows, hidden, report: Report { rendering_s, ..report } })
+    };
     if out.splats.is_empty() {
         return unfinished(out, rows, report);
     }
@@ -105,7 +109,7 @@ pub fn bake(
         let time = options.time_budget.map_or(0.0, |most| begun.elapsed().as_secs_f64() / most.as_secs_f64());
         let done = steps.max(time);
         let told = going(&Progress::Training(training.steps(), done.min(1.0)));
-        if training.steps() >= options.iterations || !(time < 1.0) || told.is_break() {
+        if training.steps() >= options.iterations || time >= 1.0 || time.is_nan() || told.is_break() {
             break;
         }
         // Splats come in equal factors, while the rates are high.
@@ -113,7 +117,12 @@ pub fn bake(
         if due > grown {
             grown = due;
             let share = due as f64 / GROWTHS.len() as f64;
-            training.grow((first as f64 * (most as f64 / first as f64).powf(share)).round() as usize)?;
+            let count = (first as f64 * (most as f64 / first as f64).powf(share)).round() as usize;
+            match training.grow(count) {
+                // Where there is no room for more, these have to do.
+                Err(error) if error.kind == Kind::Temporary => grown = GROWTHS.len(),
+                grown => grown?,
+            }
         }
         training.step(&trained, done)?;
     }

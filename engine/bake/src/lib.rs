@@ -8,8 +8,8 @@
 //! | file | what is there |
 //! |---|---|
 //! | `options` | [`Options`]: how many pictures, how large, how long |
-//! | `views` | [`Views`]: cameras all around, and the pictures that are wanted there |
-//! | `training` | [`Training`]: splats on the device, moved by the derivatives of pictures |
+//! | `views` | cameras all around, and the pictures that are wanted there |
+//! | `training` | splats on the device, moved by the derivatives of pictures |
 //! | `splitting` | more splats where the pictures ask for them |
 //! | `baking` | [`bake()`]: all of it, and [`Report`]: how near the pictures come, on views that were not trained |
 #![forbid(unsafe_code)]
@@ -22,5 +22,3 @@ mod views;
 
 pub use baking::{Baked, Progress, Report, bake};
 pub use options::Options;
-pub use training::Training;
-pub use views::Views;

@@ -3,6 +3,7 @@
 use std::time::Duration;
 
 use base::error::{Error, Kind, Result};
+use passes::picture::LONGEST;
 use splat::harmonics::MAX_DEGREE;
 
 /// How splats are baked.
@@ -12,19 +13,20 @@ pub struct Options {
     pub views: usize,
     /// Pictures between these that only tell how good they are.
     pub held_out: usize,
-    /// Width and height of the pictures, pixels.
+    /// Width and height of the pictures, pixels, 16 to 1920.
     pub size: u32,
     /// Steps of the optimiser, a picture each; 0 keeps the splats as they begin.
     pub iterations: u32,
     /// Most time for the steps; `None` takes as long as they need. The rates of the steps follow the share of the time.
     pub time_budget: Option<Duration>,
-    /// Most splats: of more the most important are kept, and fewer become as many; `None` for twice as many as there are.
+    /// Most splats: of more the most important are kept, and fewer grow to as many, to 16 times as many at most; `None`
+    /// for twice as many as there are.
     pub max_splats: Option<usize>,
     /// Highest degree of the harmonics; `None` for 2 where there is light and 0 elsewhere.
     pub degree: Option<u8>,
     /// Weight of 1 - SSIM in the loss; that of the absolute error is the rest of 1.
     pub ssim_weight: f64,
-    /// Seed of the order of the pictures and of the backgrounds.
+    /// Seed of the order of the pictures and of the backgrounds. Without a time budget it decides on every bit.
     pub seed: u64,
 }
 
@@ -59,8 +61,8 @@ impl Options {
         if self.held_out > 10_000 {
             return bad(format!("{} held-out views", self.held_out), "give 0 to 10000");
         }
-        if !(16..=4096).contains(&self.size) {
-            return bad(format!("pictures of {0} x {0} pixels", self.size), "give 16 to 4096");
+        if !(16..=LONGEST).contains(&self.size) {
+            return bad(format!("pictures of {0} x {0} pixels", self.size), "give 16 to 1920");
         }
         if self.max_splats == Some(0) {
             return bad("no splats".to_owned(), "give at least 1");

@@ -60,8 +60,11 @@ pub struct Training {
 }
 
 impl Training {
-    /// Splits splats until there are `count`, if there are fewer, where the derivatives by their means were greatest since
-    /// the last time. Adam begins anew. Waits for the device.
+    /// Drops splats that can hardly be seen, and splits others until there are `count`, each once at most, where the
+    /// derivatives by their means were greatest since the last time. Adam begins anew. Waits for the device.
+    ///
+    /// # Errors
+    /// Those of the device; the splats are then as they were.
     pub fn grow(&mut self, count: usize) -> Result<()> {
         let splats = self.state.splats.read()?;
         let weights: Vec<f32> = self.state.histories.read()?.iter().map(|row| row.gradient_norm).collect();
@@ -69,18 +72,21 @@ impl Training {
         let colours = self.colours.harmonics.read()?;
         let own = |&row: &usize| colours[row * self.coefficients..][..self.coefficients].to_vec();
         let colours: Vec<[f32; 3]> = rows.iter().flat_map(own).collect();
+        let picture = Picture::new(&self.gpu, splats.len(), self.coefficients, self.size)?;
+        self.begin(&splats, &colours)?;
+        self.picture = picture;
         self.rows = rows.iter().map(|&row| self.rows[row]).collect();
-        self.picture = Picture::new(&self.gpu, splats.len(), self.coefficients, self.size)?;
-        self.begin(&splats, &colours)
+        Ok(())
     }
 
     /// Sets the splats and their coefficients; Adam knows nothing of them.
     fn begin(&mut self, splats: &[Splat], colours: &[[f32; 3]]) -> Result<()> {
-        self.state = AdamState::zeroed(&self.gpu, splats.len())?;
-        self.state.splats.write_range(0, splats)?;
+        let mut state = AdamState::zeroed(&self.gpu, splats.len())?;
+        state.splats.write_range(0, splats)?;
         let history = History { gradient_norm: 0.0, log_scale_cap: NO_CAP };
-        self.state.histories.write_range(0, &vec![history; splats.len()])?;
+        state.histories.write_range(0, &vec![history; splats.len()])?;
         self.colours = HarmonicsState::new(&self.gpu, colours)?;
+        self.state = state;
         self.adam_steps = 0;
         Ok(())
     }
@@ -102,7 +108,11 @@ impl Training {
         let logs = set.splats.iter().flat_map(|splat| splat.log_scale).map(f64::from);
         let sigma = (logs.sum::<f64>() / (3 * count) as f64).exp();
         let (centre, radius) = views.ball;
-        let corner = centre - DVec3::splat(2.0 * radius);
+        // All means are inside, also those that lie far from all others: Adam keeps them in this box.
+        let reach = DVec3::splat(2.0 * radius);
+        let means = || set.splats.iter().map(|s| Vec3::from_array(s.mean).as_dvec3() + set.origin_mm);
+        let corner = means().fold(centre - reach, DVec3::min);
+        let extent = means().fold(centre + reach, DVec3::max) - corner;
         let shift = (set.origin_mm - corner).as_vec3();
         let moved = |splat: &Splat| {
             let mean = (Vec3::from_array(splat.mean) + shift).to_array();
@@ -120,7 +130,7 @@ impl Training {
             coefficients,
             size: views.size,
             corner,
-            extent: Vec3::splat(4.0 * radius as f32),
+            extent: extent.as_vec3(),
             sigma,
             rng: Pcg64::new(u128::from(options.seed), 0xa02_bdbf_7bb3_c0a7),
             order: Vec::new(),
@@ -209,7 +219,7 @@ impl Training {
             max_mean: self.extent.to_array(),
         };
         let harmonics = AdamHarmonicsParams {
-            count: (self.state.splats.len() * self.coefficients) as u32,
+            splat_count: self.state.splats.len() as u32,
             coefficients: self.coefficients as u32,
             capacity,
             beta1,

@@ -38,8 +38,8 @@ fn around(centre: DVec3, radius: f64, count: usize, shift: f64) -> Result<Vec<Ca
 }
 
 impl Views {
-    /// Renders a scene from `count` places all around, in the mode called `mode_name` and as finely as that is meant for
-    /// pictures. `going` is told the number of pictures that are done, and ends the work by false; the result is
+    /// Renders a scene from `count` places all around the whole of it, what is hidden or cut away included, in the mode
+    /// called `mode_name` and as finely as that is meant for pictures. `going` is told the number of pictures that are done, and ends the work by false; the result is
     /// `None` then.
     pub fn of_scene(
         gpu: &Gpu,

@@ -19,10 +19,12 @@ use splat::Splat;
 const TILE: u32 = glsl::picture::PICTURE_TILE;
 /// Floats that a pair of a tile and a splat has.
 const MOMENTS: usize = glsl::picture::PICTURE_MOMENTS as usize;
+/// Bytes of these.
+const MOMENT_BYTES: usize = MOMENTS * size_of::<f32>();
 /// Edge of a tile of the loss, pixels.
 const LOSS_TILE: u32 = glsl::picture_loss::LOSS_TILE;
-/// Fewest bits for the depth in a key.
-const LEAST_DEPTH_BITS: u32 = 14;
+/// Longest edge of a picture, pixels: every device dispatches as many workgroups as it has tiles.
+pub const LONGEST: u32 = 1920;
 
 /// A picture to be drawn: from where, and before what.
 #[derive(Clone, Copy, Debug)]
@@ -39,13 +41,13 @@ pub struct Shot {
 pub struct Splats<'a> {
     /// Parameters; intensities do not count.
     pub splats: &'a Buffer<Splat>,
-    /// Coefficients of the colours, [splat][coefficient]: red, green, blue.
+    /// Coefficients of the colours, by splat and coefficient: red, green, blue.
     pub harmonics: &'a Buffer<[f32; 3]>,
 }
 
 /// Adam's state of the harmonics.
 pub struct HarmonicsState {
-    /// Coefficients, [splat][coefficient]: red, green, blue.
+    /// Coefficients, by splat and coefficient: red, green, blue.
     pub harmonics: Buffer<[f32; 3]>,
     first: Buffer<[f32; 3]>,
     second: Buffer<[f32; 3]>,
@@ -93,7 +95,7 @@ pub struct Picture {
     pub picture_gradient: Buffer<[f32; 3]>,
     /// dL/d(parameters), one row a splat; that of the intensity is 0.
     pub rows: Buffer<SplatGrad>,
-    /// dL/d(coefficients), [splat][coefficient].
+    /// dL/d(coefficients), by splat and coefficient.
     pub harmonic_rows: Buffer<[f32; 3]>,
 }
 
@@ -101,19 +103,24 @@ impl Picture {
     /// Creates the passes for pictures of `size` pixels of `splat_count` splats with `coefficients` each.
     ///
     /// # Errors
-    /// [`Kind::Unavailable`] for a picture with more tiles than a key tells apart.
+    /// [`Kind::Unavailable`] for a picture without pixels or with an edge above [`LONGEST`]; those of buffers that this
+    /// device cannot have.
     pub fn new(gpu: &Gpu, splat_count: usize, coefficients: usize, size: [u32; 2]) -> Result<Self> {
         let tiles = size.map(|pixels| pixels.div_ceil(TILE) as usize);
         let lists = tiles[0] * tiles[1];
         let depth_bits = 32 - key_bits(lists).min(32);
-        if depth_bits < LEAST_DEPTH_BITS || lists == 0 {
+        if lists == 0 || size.iter().any(|&edge| edge > LONGEST) {
             let message = format!("pictures of {} x {} pixels", size[0], size[1]);
             return Err(Error::new(Kind::Unavailable, "VGS-BAKE-001", message)
-                .help("train with pictures of 1 x 1 to 4096 x 4096 pixels"));
+                .help("train with pictures of at most 1920 x 1920 pixels"));
         }
         let pixels = size[0] as usize * size[1] as usize;
         let loss_tiles = size.map(|pixels| pixels.div_ceil(LOSS_TILE) as usize);
-        let pairs = PairLists::new(gpu, splat_count, lists)?;
+        let mut pairs = PairLists::new(gpu, splat_count, lists)?;
+        let most = pairs.most(gpu.limits().storage_range as usize / MOMENT_BYTES);
+        if pairs.capacity() > most {
+            pairs.make_room(most)?;
+        }
         let capacity = pairs.capacity();
         let kernel = |shader| Kernel::new(gpu, shader, &[]);
         Ok(Picture {
@@ -161,8 +168,7 @@ impl Picture {
     /// # Errors
     /// [`Kind::Temporary`] if no buffer of this device holds so many.
     pub fn grow(&mut self, pairs: usize) -> Result<()> {
-        let row = MOMENTS * size_of::<f32>();
-        let most = self.pairs.most(self.gpu.limits().storage_range as usize / row);
+        let most = self.pairs.most(self.gpu.limits().storage_range as usize / MOMENT_BYTES);
         if pairs > most {
             let message =
                 format!("{pairs} pairs of a splat and a tile are needed at once; this device binds {most}");
@@ -311,7 +317,7 @@ impl Picture {
             .write("second_moments", &mut state.second)
             .read("pair_totals", &self.pair_totals)
             .push(params)
-            .dispatch_over(params.count);
+            .dispatch_over(params.splat_count);
     }
 
     /// Returns the mean absolute error and the mean SSIM of the picture that was compared last, over pixels and

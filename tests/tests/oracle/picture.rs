@@ -18,9 +18,16 @@ use vgs_tests::{Bound, Device, assert_close};
 
 use super::run;
 
+/// A splat and its coefficients, for the reference implementation.
+type Row = (reference::Splat, Vec<DVec3>);
+
 /// No multiple of a tile, of the loss or of the picture.
 const SIZE: [u32; 2] = [45, 37];
 const SSIM_WEIGHT: f64 = 0.3;
+/// More than a float tells apart.
+const DEPTH_BITS: u32 = 26;
+/// Some splats are behind it, mm.
+const FARTHEST: f32 = 85.0;
 
 /// Splats in mm about the origin, in front of and around a background, and what the picture should be.
 struct Stage {
@@ -73,7 +80,7 @@ impl Stage {
     }
 
     /// The splats for the reference implementation.
-    fn rows(&self) -> Vec<(reference::Splat, Vec<DVec3>)> {
+    fn rows(&self) -> Vec<Row> {
         let colours = self.coefficients.chunks(self.basis());
         self.splats
             .iter()
@@ -87,7 +94,7 @@ impl Stage {
         self.wanted.iter().map(|&w| DVec4::from_array([0, 1, 2, 3].map(|c| part(w, c)))).collect()
     }
 
-    fn picture_of(&self, rows: &[(reference::Splat, Vec<DVec3>)]) -> Vec<DVec4> {
+    fn picture_of(&self, rows: &[Row]) -> Vec<DVec4> {
         picture::picture(rows, &self.eye(), SIZE, wide(self.shot.background))
     }
 
@@ -95,7 +102,7 @@ impl Stage {
         picture::losses(picture, &self.wanted(), SIZE, wide(self.shot.background))
     }
 
-    fn loss_of(&self, rows: &[(reference::Splat, Vec<DVec3>)]) -> f64 {
+    fn loss_of(&self, rows: &[Row]) -> f64 {
         picture::loss(self.losses_of(&self.picture_of(rows)), SSIM_WEIGHT)
     }
 
@@ -116,16 +123,19 @@ fn made(gpu: &Gpu, stage: &Stage) -> Picture {
     let wanted = gpu.upload("wanted", "test", &stage.wanted).unwrap();
     let mut picture = Picture::new(gpu, stage.splats.len(), stage.basis(), SIZE).unwrap();
     let of = Splats { splats: &splats, harmonics: &harmonics };
-    run(gpu, |r| picture.draw(r, &of, &stage.shot));
-    if picture.needed().unwrap() > picture.capacity() {
-        picture.grow(picture.needed().unwrap()).unwrap();
-        run(gpu, |r| picture.draw(r, &of, &stage.shot));
+    loop {
+        run(gpu, |r| {
+            picture.draw(r, &of, &stage.shot);
+            picture.compare(r, &wanted, stage.shot.background, SSIM_WEIGHT as f32);
+            picture.differentiate(r, &of, &stage.shot.view);
+        });
+        let needed = picture.needed().unwrap();
+        if needed <= picture.capacity() {
+            return picture;
+        }
+        // What found no room is drawn and differentiated again.
+        picture.grow(needed).unwrap();
     }
-    run(gpu, |r| {
-        picture.compare(r, &wanted, stage.shot.background, SSIM_WEIGHT as f32);
-        picture.differentiate(r, &of, &stage.shot.view);
-    });
-    picture
 }
 
 /// Projects with the kernel alone: the splats on the picture, and their numbers of tiles.
@@ -196,9 +206,9 @@ pub fn picture_pairs() {
                     size: SIZE,
                     splat_count: counts.len() as u32,
                     capacity: capacity as u32,
-                    depth_bits: 20,
+                    depth_bits: DEPTH_BITS,
                     nearest: 20.0,
-                    farthest: 200.0,
+                    farthest: FARTHEST,
                 })
                 .dispatch_over(counts.len() as u32);
         });
@@ -212,7 +222,7 @@ pub fn picture_pairs() {
     for (i, (s, c)) in stage.rows().iter().enumerate() {
         let own = offsets[i] as usize..offsets[i + 1] as usize;
         assert!(splats[own.clone()].iter().all(|&s| s == i as u32), "the pairs of splat {i} are together");
-        let tiles: Vec<u32> = keys[own.clone()].iter().map(|key| key >> 20).collect();
+        let tiles: Vec<u32> = keys[own.clone()].iter().map(|key| key >> DEPTH_BITS).collect();
         let quad = picture::projected(s, c, &stage.eye(), SIZE);
         for tile in 0..columns * SIZE[1].div_ceil(8) {
             let drawn = |margin: f64| {
@@ -231,13 +241,14 @@ pub fn picture_pairs() {
             }
         }
         if let Some(quad) = quad {
-            let step = (quad.depth - 20.0) / 180.0 * f64::from((1 << 20) - 1);
-            steps.extend(keys[own].iter().map(|key| (f64::from(key & ((1 << 20) - 1)), step)));
+            let part = ((quad.depth - 20.0) / (f64::from(FARTHEST) - 20.0)).clamp(0.0, 1.0);
+            let step = part * f64::from((1u32 << DEPTH_BITS) - 1);
+            steps.extend(keys[own].iter().map(|key| (f64::from(key & ((1 << DEPTH_BITS) - 1)), step)));
         }
     }
     // Between the middles of the pixels a tile has places where no pixel is.
     assert!(idle * 10 < total, "{idle} of {total} pairs are of tiles that the splat is not drawn in");
-    assert_close("picture_pairs: depths", Bound::new(4.0, 0.0), steps);
+    assert_close("picture_pairs: depths", Bound::new(64.0, 0.0), steps);
     let [fewer, ..] = emitted(total / 2);
     assert_eq!(fewer[..total / 2], keys[..total / 2]);
     assert!(fewer[total / 2..].iter().all(|&key| key == u32::MAX), "nothing is written behind the capacity");
@@ -295,12 +306,12 @@ pub fn picture_loss_grad() {
 pub fn picture_blend_grad() {
     let gpu = Device::boot();
     for (seed, degree) in [(350, 0), (351, 1), (352, 3)] {
-        let stage = stage(seed, 30, degree);
+        let stage = stage(seed, 16, degree);
         let picture = made(&gpu, &stage);
         let (rows, colours) = (picture.rows.read().unwrap(), picture.harmonic_rows.read().unwrap());
         let base = stage.rows();
         // An opacity that is cut to 0 at 1/255 jumps there; of three steps the middle slope has no jump in it.
-        let slope = |change: &dyn Fn(&mut (reference::Splat, Vec<DVec3>), f64), i: usize| {
+        let slope = |change: &dyn Fn(&mut Row, f64), i: usize| {
             let mut slopes = [1e-5, 3e-6, 1e-6].map(|step| {
                 let moved = |step: f64| {
                     let mut rows = base.clone();
@@ -319,7 +330,7 @@ pub fn picture_blend_grad() {
             for k in 0..3 {
                 shapes.push((mean[k], slope(&|(s, _), step| s.mean[k] += step, i)));
                 shapes.push((log_scale[k], slope(&|(s, _), step| s.log_scale[k] += step, i)));
-                let turn = |(s, _): &mut (reference::Splat, Vec<DVec3>), step: f64| {
+                let turn = |(s, _): &mut Row, step: f64| {
                     s.rotation *= DQuat::from_scaled_axis(DVec3::AXES[k] * step);
                 };
                 shapes.push((rotation[k], slope(&turn, i)));
@@ -385,7 +396,7 @@ pub fn adam_harmonics() {
     let mut state = HarmonicsState::new(&gpu, &before).unwrap();
     let mut picture = Picture::new(&gpu, splats, coefficients, SIZE).unwrap();
     let params = |step: i32, capacity: u32| AdamHarmonicsParams {
-        count: count as u32,
+        splat_count: splats as u32,
         coefficients: coefficients as u32,
         capacity,
         beta1: 0.9,

@@ -67,8 +67,8 @@ shared! {
     }
     /// Push constants of `adam_harmonics`.
     AdamHarmonicsParams {
-        /// Number of coefficients of all splats.
-        count: u32,
+        /// Number of splats.
+        splat_count: u32,
         /// Number of coefficients of a splat.
         coefficients: u32,
         /// Greatest number of pairs.

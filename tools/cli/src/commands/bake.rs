@@ -71,7 +71,7 @@ pub struct BakeArguments {
     /// Degree of the harmonics by which colours depend on the direction, 0 to 3 [default: 2 with light, else 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Quality")]
     degree: Option<u8>,
-    /// Seed of the order of the pictures; the same seed on the same device gives the same file
+    /// Seed of the order of the pictures; the same seed on the same device gives the same file, but with --time-budget
     #[arg(long, value_name = "N", default_value_t = 0, help_heading = "Quality")]
     seed: u64,
     #[command(flatten)]
@@ -95,16 +95,23 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
     let set = splat::read(splats, &ReadOptions::default())?;
     splat::check_held(output, &SplatSet::default())?;
     if splat::rounds(output) {
-        let message = "this format holds intensities, and baked splats have colours";
+        let message = "a .vgs holds no colours, and baked splats have nothing else";
         return Err(Error::new(Kind::Usage, "VGS-CLI-173", message)
             .file(output)
             .help("write a .ply, .spz or .glb")
             .into());
     }
+    if set.colours.is_some() {
+        let message = "these splats have colours already";
+        return Err(Error::new(Kind::Usage, "VGS-CLI-174", message)
+            .file(splats)
+            .help("give the splats with HU that they are made of; another format of these: vgs convert")
+            .into());
+    }
     let look = arguments.look(&set)?;
     let options = arguments.options();
     options.check()?;
-    if set.splats.is_empty() {
+    if set.splats.is_empty() || !set.voxels.is_empty() {
         let message = "coded voxels, and splats are baked";
         return Err(Error::new(Kind::Usage, "VGS-CLI-171", message)
             .file(splats)
@@ -137,7 +144,7 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
         let message = format!("{} shows none of these splats", look.transfer.name);
         return Err(Error::new(Kind::NothingToDo, "VGS-CLI-172", message)
             .file(splats)
-            .help("choose another --tf, or show an object")
+            .help("choose another --tf, show an object, or leave out --clip")
             .into());
     }
     let write =
@@ -190,7 +197,9 @@ impl BakeArguments {
                 "rendering_s": report.rendering_s, "training_s": report.training_s,
             }));
         }
-        if !report.after.is_empty() {
+        if report.steps == 0 && self.iterations > 0 {
+            console.say("no step was done: colours and opacities are those of vgs convert --tf");
+        } else if !report.after.is_empty() {
             let mean = |views: &[f64]| views.iter().sum::<f64>() / views.len() as f64;
             let worst = report.after.iter().copied().fold(f64::INFINITY, f64::min);
             console.say(&format!(

@@ -56,9 +56,12 @@ pub fn run(gpu: &Gpu, arguments: &BakeArguments) -> Result<()> {
             transfer.material.shade = lit;
             let look = Look::new(transfer);
             let seen = engine::render::baked(gpu, &set, &look)?.set.splats.len();
+            if seen == 0 {
+                continue;
+            }
             let options = Options {
                 iterations: arguments.iterations,
-                max_splats: Some((arguments.factor * seen as f64) as usize),
+                max_splats: Some((arguments.factor * seen as f64).max(1.0) as usize),
                 ..Options::default()
             };
             let baked = bake(gpu, &set, &look, &options, &mut |_| ControlFlow::Continue(()))?;
