@@ -98,7 +98,7 @@ const api = {
     },
     offer: (to = button): Promise<void> => offerHeadset(app, to),
 
-    /** Begins a session without the button, at a level of quality that it keeps. */
+    /** Begins a session without the button, at a level of quality that it keeps, or at the last where there are fewer. */
     async begin(
         level: number, mode: XRSessionMode = 'immersive-vr', optionalFeatures = ['hand-tracking'],
     ): Promise<void> {
@@ -116,8 +116,8 @@ const api = {
         app.setPlane(null);
     },
     hold(level: number): void {
-        const { budget } = api.visit!;
-        budget.level = level;
+        const { budget, report } = api.visit!;
+        budget.level = Math.min(level, report.levels.length - 1);
         budget.frame = () => {};
     },
     /** Waits for frames of the session, or for those of the page. */
