@@ -14,7 +14,7 @@ const uint PICTURE_MOMENTS = 9;
 // What is behind is not seen where less than this passes.
 const float LEAST_PASSED = 1e-4;
 
-// A splat on a picture. See types.rs.
+// A splat on a picture. See types/picture.rs.
 struct PictureSplat {
     vec2 centre;
     vec3 conic;

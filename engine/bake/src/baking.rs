@@ -11,7 +11,7 @@ use base::unit::Unit;
 use gpu::Gpu;
 use render::{Look, Scene};
 use splat::harmonics::luminance;
-use splat::{Activations, SplatSet};
+use splat::{SplatSet, by_importance};
 
 /// Mode whose pictures are wanted.
 const WANTED: &str = "decoded";
@@ -121,7 +121,7 @@ pub fn bake(
             match training.grow(count) {
                 // Where there is no room for more, these have to do.
                 Err(error) if error.kind == Kind::Temporary => grown = GROWTHS.len(),
-                grown => grown?,
+                other => other?,
             }
         }
         training.step(&trained, done)?;
@@ -141,15 +141,10 @@ pub fn bake(
     Ok(Baked { set: out, rows, hidden, report })
 }
 
-/// Keeps the splats that cover most, by opacity times the area of their shadow, in the order in which they are.
+/// Keeps the most important splats, in the order in which they are.
 fn keep_most_important(baked: &mut render::Baked, most: usize) {
-    let splats = &baked.set.splats;
-    let weight = |i: usize| {
-        let [a, b, c] = splats[i].scale();
-        splats[i].opacity() * (a * b + b * c + c * a)
-    };
-    let mut order: Vec<usize> = (0..splats.len()).collect();
-    order.sort_by(|&i, &j| weight(j).total_cmp(&weight(i)).then(i.cmp(&j)));
+    let importance = by_importance(&baked.set.splats, &baked.set.field);
+    let mut order: Vec<usize> = importance.into_iter().map(|row| row as usize).collect();
     order.truncate(most);
     order.sort_unstable();
     baked.rows = order.iter().map(|&i| baked.rows[i]).collect();

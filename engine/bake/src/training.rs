@@ -11,6 +11,7 @@ use super::splitting::{Split, split};
 use super::views::Views;
 use base::error::{Error, Kind, Result};
 use gpu::Gpu;
+use image::{Image, psnr};
 use passes::adam::{Adam, AdamState, NO_CAP};
 use passes::picture::{HarmonicsState, Picture, Shot, Splats};
 use render::Camera;
@@ -235,22 +236,16 @@ impl Training {
 
     /// Returns the PSNR of each picture of `views` over black, dB, peak 1. Waits for the device.
     pub fn psnr(&mut self, views: &Views) -> Result<Vec<f64>> {
+        let size = self.size.map(|edge| edge as usize);
         let mut found = Vec::new();
         for (camera, wanted) in views.cameras.iter().zip(&views.wanted) {
+            // What is shown is in bytes, too.
+            let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() / 255.0;
             let drawn = self.draw(camera, views.ball, [0.0; 3])?;
-            let wanted = wanted.read()?;
-            let squares: f64 = drawn
-                .iter()
-                .zip(&wanted)
-                .flat_map(|(seen, word)| {
-                    // What is shown is in bytes, too.
-                    (0..3).map(move |c| {
-                        let seen = f64::from((seen[c].clamp(0.0, 1.0) * 255.0).round());
-                        ((seen - f64::from(word >> (8 * c) & 255)) / 255.0).powi(2)
-                    })
-                })
-                .sum();
-            found.push(-10.0 * (squares / (3 * drawn.len()) as f64).log10());
+            let drawn = drawn.iter().map(|&[r, g, b, _]| [byte(r), byte(g), byte(b), 1.0]).collect();
+            let wanted =
+                wanted.read()?.iter().map(|word| word.to_le_bytes().map(|v| f32::from(v) / 255.0)).collect();
+            found.push(psnr(&Image { size, pixels: drawn }, &Image { size, pixels: wanted })?);
         }
         Ok(found)
     }

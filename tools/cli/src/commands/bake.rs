@@ -14,7 +14,7 @@ use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::{bytes, seconds};
 use crate::shared::flags::{Clip, DeviceArguments, duration};
-use crate::shared::looks::look_of;
+use crate::shared::looks::{self, look_of};
 use crate::shared::outputs;
 use crate::shared::signals::Signals;
 use crate::shared::splat_files::layout;
@@ -169,19 +169,11 @@ impl BakeArguments {
     }
 
     fn look(&self, set: &SplatSet) -> engine::Result<Look> {
-        let range = set.intensity_range().unwrap_or([0.0, 1.0]);
         let mut look = look_of(set, self.tf.as_deref())?;
         if let Some(shade) = &self.shade {
             look.transfer.material.shade = shade == "on";
         }
-        let there = set.objects();
-        if self.object_colours {
-            look.tint_objects(&there);
-        }
-        for change in &self.object {
-            change.apply(&there, &mut look, range)?;
-        }
-        look.clip.extend(self.clip.iter().flat_map(|clip| clip.0.iter().copied()));
+        looks::change(&mut look, set, self.object_colours, &self.object, &self.clip)?;
         Ok(look)
     }
 
