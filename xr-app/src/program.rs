@@ -115,7 +115,7 @@ fn levels(arguments: &HeadsetArguments, content: &Content) -> Result<Vec<Quality
         // A volume is marched as the decoded field of splats for a grid is.
         Content::Volume(_) => render::quality_levels(SplatKind::Grid)
             .iter()
-            .map(|level| QualityLevel { mode: "volume", ..*level })
+            .map(|level| QualityLevel { mode: render::OF_VOLUMES, ..*level })
             .collect(),
     };
     match arguments.level {

@@ -9,6 +9,7 @@ use super::views::Views;
 use base::error::{Kind, Result};
 use base::unit::Unit;
 use gpu::Gpu;
+use image::Image;
 use render::{Look, Scene};
 use splat::harmonics::luminance;
 use splat::{SplatSet, by_importance};
@@ -57,6 +58,16 @@ pub struct Baked {
     pub report: Report,
 }
 
+/// Splats that were trained.
+pub struct Trained {
+    /// The splats, as of ordinary 3D Gaussian splatting.
+    pub set: SplatSet,
+    /// Their rows in the set of the beginning.
+    pub rows: Vec<usize>,
+    /// How near they come.
+    pub report: Report,
+}
+
 /// Returns `set` with colours and opacities with which alpha blending shows what mode decoded shows with `look`. `going`
 /// is told what is done, and may break off: the splats are then as far as they have come.
 ///
@@ -76,15 +87,14 @@ pub fn bake(
     if let Some(most) = options.max_splats.filter(|&most| most < first.set.splats.len()) {
         keep_most_important(&mut first, most);
     }
-    let render::Baked { set: mut out, rows, hidden } = first;
-    let mut report = Report::default();
+    let render::Baked { set: out, rows, hidden } = first;
     let total = options.views + options.held_out;
-    let unfinished = |out, rows, report| {
+    let unfinished = |out, rows| {
         let rendering_s = begun.elapsed().as_secs_f64();
-        Ok(Baked { set: out, rows, hidden, report: Report { rendering_s, ..report } })
+        Ok(Baked { set: out, rows, hidden, report: Report { rendering_s, ..Report::default() } })
     };
     if out.splats.is_empty() {
-        return unfinished(out, rows, report);
+        return unfinished(out, rows);
     }
     let scene = Scene::new(gpu, Some(set), None, look)?;
     let mut views = |count, shift, before: usize| {
@@ -92,23 +102,47 @@ pub fn bake(
             going(&Progress::Rendering(before + i, total)).is_continue()
         })
     };
-    let Some(held_out) = views(options.held_out, 0.5, 0)? else { return unfinished(out, rows, report) };
+    let Some(held_out) = views(options.held_out, 0.5, 0)? else { return unfinished(out, rows) };
     let Some(trained) = views(options.views, 0.0, options.held_out)? else {
-        return unfinished(out, rows, report);
+        return unfinished(out, rows);
     };
-    report.rendering_s = begun.elapsed().as_secs_f64();
+    let rendering_s = begun.elapsed().as_secs_f64();
     let lit = out.colours.as_ref().map_or(0, |colours| colours.degree);
-    let mut training = Training::new(gpu, &out, options.degree.unwrap_or(lit), &trained, options)?;
-    report.before = training.psnr(&held_out)?;
+    let degree = options.degree.unwrap_or(lit);
+    let Trained { set, rows: origins, report } =
+        train(gpu, out, degree, [&trained, &held_out], options, &mut |step, share| {
+            going(&Progress::Training(step, share))
+        })?;
+    let rows = origins.iter().map(|&row| rows[row]).collect();
+    Ok(Baked { set, rows, hidden, report: Report { rendering_s, ..report } })
+}
+
+/// Trains the splats of a set with colours by pictures of `views`: first those that they are moved by, then those that only
+/// tell how good they are. Their harmonics get this degree. They grow, each to 16 at most, until there are as many as
+/// [`Options::max_splats`]. `going` is told steps and share, and may break off.
+///
+/// # Errors
+/// Those of the device, as of too many splats for its buffers ([`Kind::Temporary`]); [`Kind::Internal`] for a set without
+/// splats or colours.
+pub fn train(
+    gpu: &Gpu,
+    first: SplatSet,
+    degree: u8,
+    [views, held_out]: [&Views; 2],
+    options: &Options,
+    going: &mut dyn FnMut(u32, f64) -> ControlFlow<()>,
+) -> Result<Trained> {
+    let mut training = Training::new(gpu, &first, degree, views, options)?;
+    let mut report = Report { before: training.psnr(held_out)?, ..Report::default() };
     let begun = Instant::now();
-    let first = out.splats.len();
-    let most = options.max_splats.unwrap_or(GROWTH * first).max(first);
+    let count = first.splats.len();
+    let most = options.max_splats.unwrap_or(GROWTH * count).max(count);
     let mut grown = 0;
     loop {
         let steps = f64::from(training.steps()) / f64::from(options.iterations.max(1));
         let time = options.time_budget.map_or(0.0, |most| begun.elapsed().as_secs_f64() / most.as_secs_f64());
         let done = steps.max(time);
-        let told = going(&Progress::Training(training.steps(), done.min(1.0)));
+        let told = going(training.steps(), done.min(1.0));
         if training.steps() >= options.iterations || time >= 1.0 || time.is_nan() || told.is_break() {
             break;
         }
@@ -117,28 +151,38 @@ pub fn bake(
         if due > grown {
             grown = due;
             let share = due as f64 / GROWTHS.len() as f64;
-            let count = (first as f64 * (most as f64 / first as f64).powf(share)).round() as usize;
+            let count = (count as f64 * (most as f64 / count as f64).powf(share)).round() as usize;
             match training.grow(count) {
                 // Where there is no room for more, these have to do.
                 Err(error) if error.kind == Kind::Temporary => grown = GROWTHS.len(),
                 other => other?,
             }
         }
-        training.step(&trained, done)?;
+        training.step(done)?;
     }
     report.training_s = begun.elapsed().as_secs_f64();
     report.steps = training.steps();
-    report.after = training.psnr(&held_out)?;
-    let (splats, colours) = training.splats(out.origin_mm)?;
-    out = out.of_rows(training.rows());
-    out.splats = splats;
-    let rows = training.rows().iter().map(|&row| rows[row]).collect();
-    for (i, splat) in out.splats.iter_mut().enumerate() {
+    report.after = training.psnr(held_out)?;
+    let (splats, colours) = training.splats(first.origin_mm)?;
+    let rows = training.rows().to_vec();
+    let mut set = first.of_rows(&rows);
+    set.splats = splats;
+    for (i, splat) in set.splats.iter_mut().enumerate() {
         splat.intensity = luminance(colours.of(i));
     }
-    out.colours = Some(colours);
-    out.unit = Unit::Luminance;
-    Ok(Baked { set: out, rows, hidden, report })
+    set.colours = Some(colours);
+    set.unit = Unit::Luminance;
+    Ok(Trained { set, rows, report })
+}
+
+/// Returns the pictures of a set with colours from the cameras of `views`, over black, as other viewers draw them.
+///
+/// # Errors
+/// Those of the device; [`Kind::Internal`] for a set without splats or colours.
+pub fn pictures(gpu: &Gpu, set: &SplatSet, views: &Views) -> Result<Vec<Image>> {
+    let degree = set.colours.as_ref().map_or(0, |colours| colours.degree);
+    let mut drawn = Training::new(gpu, set, degree, views, &Options::default())?;
+    views.cameras.iter().map(|camera| drawn.picture(camera)).collect()
 }
 
 /// Keeps the most important splats, in the order in which they are.

@@ -9,16 +9,19 @@
 //! |---|---|
 //! | `options` | [`Options`]: how many pictures, how large, how long |
 //! | `views` | cameras all around, and the pictures that are wanted there |
+//! | `pictures` | the error of these pictures, as the objective of training |
 //! | `training` | splats on the device, moved by the derivatives of pictures |
 //! | `splitting` | more splats where the pictures ask for them |
-//! | `baking` | [`bake()`]: all of it, and [`Report`]: how near the pictures come, on views that were not trained |
+//! | `baking` | [`bake()`]: all of it, [`train`] from any splats, and [`Report`]: how near the pictures come, on views that were not trained |
 #![forbid(unsafe_code)]
 
 mod baking;
 mod options;
+mod pictures;
 mod splitting;
 mod training;
 mod views;
 
-pub use baking::{Baked, Progress, Report, bake};
-pub use options::Options;
+pub use baking::{Baked, Progress, Report, Trained, bake, pictures, train};
+pub use options::{MeanRate, Options, Rates};
+pub use views::Views;

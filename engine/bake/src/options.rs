@@ -6,6 +6,76 @@ use base::error::{Error, Kind, Result};
 use passes::picture::LONGEST;
 use splat::harmonics::MAX_DEGREE;
 
+/// A rate of the means.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub enum MeanRate {
+    /// In mean standard deviations of all splats.
+    Sigmas(f64),
+    /// In radii of the ball that the cameras look at.
+    Radii(f64),
+}
+
+impl MeanRate {
+    /// Returns the rate in mm.
+    pub(super) fn mm(self, sigma_mm: f64, radius_mm: f64) -> f64 {
+        match self {
+            MeanRate::Sigmas(rate) => rate * sigma_mm,
+            MeanRate::Radii(rate) => rate * radius_mm,
+        }
+    }
+}
+
+/// Rates of Adam in the first step, in the units of the parameters but for the means, and what becomes of them.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Rates {
+    /// β₁ and β₂ (Kingma & Ba 2015).
+    pub betas: [f64; 2],
+    /// Of the means.
+    pub mean: MeanRate,
+    /// Of the rotations.
+    pub rotation: f64,
+    /// Of ln σ.
+    pub scale: f64,
+    /// Of the opacity logits.
+    pub opacity: f64,
+    /// Of the colours, as coefficients of degree 0.
+    pub colour: f64,
+    /// Of the coefficients of higher degree.
+    pub rest: f64,
+    /// The means' rate in the last step, in that of the first.
+    pub last_mean: f64,
+    /// That of all others.
+    pub last: f64,
+}
+
+impl Rates {
+    /// For few steps from splats that are nearly right.
+    pub const SHORT: Rates = Rates {
+        betas: [0.9, 0.99],
+        mean: MeanRate::Sigmas(0.2),
+        rotation: 0.07,
+        scale: 0.07,
+        opacity: 0.15,
+        colour: 0.04,
+        rest: 0.015,
+        last_mean: 0.1,
+        last: 0.1,
+    };
+    /// Those of Kerbl et al., "3D Gaussian Splatting" (2023), as their code has them. The extent of a scene is there
+    /// 1.1 times the distance of cameras all around it, which is 3.86 radii here.
+    pub const PUBLISHED: Rates = Rates {
+        betas: [0.9, 0.999],
+        mean: MeanRate::Radii(1.6e-4 * 1.1 * 3.86),
+        rotation: 0.001,
+        scale: 0.005,
+        opacity: 0.05,
+        colour: 0.0025,
+        rest: 0.0025 / 20.0,
+        last_mean: 0.01,
+        last: 1.0,
+    };
+}
+
 /// How splats are baked.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Options {
@@ -24,6 +94,8 @@ pub struct Options {
     pub max_splats: Option<usize>,
     /// Highest degree of the harmonics; `None` for 2 where there is light and 0 elsewhere.
     pub degree: Option<u8>,
+    /// Rates of the optimiser.
+    pub rates: Rates,
     /// Weight of 1 - SSIM in the loss; that of the absolute error is the rest of 1.
     pub ssim_weight: f64,
     /// Seed of the order of the pictures and of the backgrounds. Without a time budget it decides on every bit.
@@ -40,6 +112,7 @@ impl Default for Options {
             time_budget: None,
             max_splats: None,
             degree: None,
+            rates: Rates::SHORT,
             ssim_weight: 0.2,
             seed: 0,
         }

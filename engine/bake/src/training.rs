@@ -1,66 +1,52 @@
 //! Splats on the device, moved by the derivatives of pictures.
 
 use glam::{DVec3, Vec3};
-use rand::RngExt;
-use rand::seq::SliceRandom;
-use rand_pcg::Pcg64;
 use shaders_glsl::types::{AdamHarmonicsParams, AdamParams};
 
-use super::options::Options;
+use super::options::{Options, Rates};
+use super::pictures::PictureObjective;
 use super::splitting::{Split, split};
 use super::views::Views;
 use base::error::{Error, Kind, Result};
 use gpu::Gpu;
 use image::{Image, psnr};
+use passes::Objective;
 use passes::adam::{Adam, AdamState, NO_CAP};
-use passes::picture::{HarmonicsState, Picture, Shot, Splats};
+use passes::picture::{HarmonicsState, Picture, Splats};
 use render::Camera;
 use shaders_glsl::types::History;
 use splat::harmonics::basis_count;
 use splat::{Harmonics, Splat, SplatSet};
 
-/// β₁, β₂ and ε of Adam (Kingma & Ba 2015).
-const BETAS: [f64; 2] = [0.9, 0.99];
+/// ε of Adam.
 const EPSILON: f32 = 1e-15;
-/// Rates of the first step: means in mean standard deviations of all splats, the others in their own units. Those of
-/// the last step are [`LAST_RATES`] of them.
-const MEAN_RATE: f64 = 0.2;
-const ROTATION_RATE: f64 = 0.07;
-const SCALE_RATE: f64 = 0.07;
-const OPACITY_RATE: f64 = 0.15;
-const COLOUR_RATE: f64 = 0.04;
-const REST_RATE: f64 = 0.015;
-const LAST_RATES: f64 = 0.1;
-/// Range of the standard deviations, in the mean one of all splats.
+/// Range of the standard deviations, in the mean one of all splats at the beginning.
 const SCALES: [f64; 2] = [0.02, 20.0];
 /// Greatest magnitude of an opacity logit.
 const MOST_LOGIT: f32 = 8.0;
 
 /// Splats that are trained.
-pub struct Training {
+pub struct Training<'a> {
     gpu: Gpu,
-    picture: Picture,
+    objective: PictureObjective<'a>,
     adam: Adam,
     state: AdamState,
     colours: HarmonicsState,
     coefficients: usize,
-    size: [u32; 2],
     /// World position of the space in which the splats are here: all coordinates are positive in it, mm.
     corner: DVec3,
     extent: Vec3,
     /// Geometric mean of all standard deviations, mm.
     sigma: f64,
-    rng: Pcg64,
-    order: Vec<usize>,
+    rates: Rates,
     /// Row of each splat in the set of the beginning.
     rows: Vec<usize>,
     step: u32,
     /// Steps since Adam began.
     adam_steps: u32,
-    ssim_weight: f32,
 }
 
-impl Training {
+impl<'a> Training<'a> {
     /// Drops splats that can hardly be seen, and splits others until there are `count`, each once at most, where the
     /// derivatives by their means were greatest since the last time. Adam begins anew. Waits for the device.
     ///
@@ -73,9 +59,10 @@ impl Training {
         let colours = self.colours.harmonics.read()?;
         let own = |&row: &usize| colours[row * self.coefficients..][..self.coefficients].to_vec();
         let colours: Vec<[f32; 3]> = rows.iter().flat_map(own).collect();
-        let picture = Picture::new(&self.gpu, splats.len(), self.coefficients, self.size)?;
+        let size = self.objective.size();
+        let picture = Picture::new(&self.gpu, splats.len(), self.coefficients, size)?;
         self.begin(&splats, &colours)?;
-        self.picture = picture;
+        self.objective.picture = picture;
         self.rows = rows.iter().map(|&row| self.rows[row]).collect();
         Ok(())
     }
@@ -101,7 +88,7 @@ impl Training {
     ///
     /// # Errors
     /// [`Kind::Internal`] for a set without splats or colours.
-    pub fn new(gpu: &Gpu, set: &SplatSet, degree: u8, views: &Views, options: &Options) -> Result<Self> {
+    pub fn new(gpu: &Gpu, set: &SplatSet, degree: u8, views: &'a Views, options: &Options) -> Result<Self> {
         let Some(colours) = set.colours.as_ref().filter(|_| !set.splats.is_empty()) else {
             return Err(Error::new(Kind::Internal, "VGS-BAKE-004", "nothing to train"));
         };
@@ -122,23 +109,21 @@ impl Training {
         let splats: Vec<Splat> = set.splats.iter().map(moved).collect();
         let coefficients = basis_count(degree);
         let rows: Vec<[f32; 3]> = (0..count).flat_map(|i| of_degree(colours.of(i), coefficients)).collect();
+        let room = (count, coefficients);
         let mut training = Training {
             gpu: gpu.clone(),
-            picture: Picture::new(gpu, count, coefficients, views.size)?,
+            objective: PictureObjective::new(gpu, views, corner, room, options.ssim_weight, options.seed)?,
             adam: Adam::new(gpu)?,
             state: AdamState::zeroed(gpu, count)?,
             colours: HarmonicsState::new(gpu, &rows)?,
             coefficients,
-            size: views.size,
             corner,
             extent: extent.as_vec3(),
             sigma,
-            rng: Pcg64::new(u128::from(options.seed), 0xa02_bdbf_7bb3_c0a7),
-            order: Vec::new(),
+            rates: options.rates,
             rows: (0..count).collect(),
             step: 0,
             adam_steps: 0,
-            ssim_weight: options.ssim_weight as f32,
         };
         training.begin(&splats, &rows)?;
         Ok(training)
@@ -149,53 +134,45 @@ impl Training {
         self.step
     }
 
-    fn shot(&self, camera: &Camera, ball: (DVec3, f64), background: [f32; 3]) -> Shot {
-        let middle = camera.forward().dot(ball.0 - camera.eye);
-        let depths = [(middle - 1.5 * ball.1).max(0.0) as f32, (middle + 1.5 * ball.1) as f32];
-        Shot { view: camera.view(self.corner), depths, background }
-    }
-
     /// Does one step with the next picture, when the share `done` of all steps is behind, 0 to 1. Waits for the device.
-    pub fn step(&mut self, views: &Views, done: f64) -> Result<()> {
-        if self.order.is_empty() {
-            self.order = (0..views.wanted.len()).collect();
-            self.order.shuffle(&mut self.rng);
-        }
-        let view = self.order.pop().unwrap_or_default();
-        // Before other backgrounds, splats that paint the background themselves are wrong.
-        let background = [self.rng.random_range(0.0f32..=1.0); 3];
-        let shot = self.shot(&views.cameras[view], views.ball, background);
-        let wanted = &views.wanted[view];
+    pub fn step(&mut self, done: f64) -> Result<()> {
         self.step += 1;
         self.adam_steps += 1;
         loop {
             let (adam, harmonics) = self.params(done);
             let mut recorder = self.gpu.record()?;
             let of = Splats { splats: &self.state.splats, harmonics: &self.colours.harmonics };
-            self.picture.draw(&mut recorder, &of, &shot);
-            self.picture.compare(&mut recorder, wanted, background, self.ssim_weight);
-            self.picture.differentiate(&mut recorder, &of, &shot.view);
-            let totals = &self.picture.pair_totals;
-            self.adam.record(&mut recorder, &self.picture.rows, &mut self.state, totals, &adam);
-            self.picture.step_harmonics(&mut recorder, &mut self.colours, &harmonics);
-            let ticket = recorder.submit()?;
-            self.gpu.wait(ticket)?;
-            let needed = self.picture.needed()?;
-            if needed <= self.picture.capacity() {
+            self.objective.record(&mut recorder, &of, self.step)?;
+            let (gradients, totals) = (self.objective.gradients(), self.objective.pair_totals());
+            self.adam.record(&mut recorder, gradients, &mut self.state, totals, &adam);
+            self.objective.picture.step_harmonics(&mut recorder, &mut self.colours, &harmonics);
+            self.gpu.wait(recorder.submit()?)?;
+            if !self.grow_to_need()? {
                 return Ok(());
             }
             // The step was void.
-            self.picture.grow(needed)?;
         }
     }
 
+    /// Makes room if the last picture had too little, and returns whether it had.
+    fn grow_to_need(&mut self) -> Result<bool> {
+        let needed = self.objective.picture.needed()?;
+        let lacked = needed > self.objective.capacity();
+        if lacked {
+            self.objective.grow(needed)?;
+        }
+        Ok(lacked)
+    }
+
     fn params(&self, done: f64) -> (AdamParams, AdamHarmonicsParams) {
-        let decay = LAST_RATES.powf(done.clamp(0.0, 1.0));
-        let rate = |first: f64| (first * decay) as f32;
-        let [beta1, beta2] = BETAS.map(|beta| beta as f32);
+        let done = done.clamp(0.0, 1.0);
+        let Rates { betas, last_mean, last, .. } = self.rates;
+        let rate = |first: f64| (first * last.powf(done)) as f32;
+        let mean = self.rates.mean.mm(self.sigma, self.objective.radius_mm()) * last_mean.powf(done);
+        let [beta1, beta2] = betas.map(|beta| beta as f32);
         let [correction1, correction2] =
-            BETAS.map(|beta| (1.0 / (1.0 - beta.powi(self.adam_steps.min(1 << 20) as i32))) as f32);
-        let capacity = self.picture.capacity() as u32;
+            betas.map(|beta| (1.0 / (1.0 - beta.powi(self.adam_steps.min(1 << 20) as i32))) as f32);
+        let capacity = self.objective.capacity() as u32;
         let [least, most] = SCALES.map(|scale| [(scale * self.sigma).ln() as f32; 3]);
         let adam = AdamParams {
             splat_count: self.state.splats.len() as u32,
@@ -206,10 +183,10 @@ impl Training {
             correction1,
             correction2,
             epsilon: EPSILON,
-            rate_mean: [rate(MEAN_RATE * self.sigma); 3],
-            rate_rotation: rate(ROTATION_RATE),
-            rate_log_scale: rate(SCALE_RATE),
-            rate_opacity: rate(OPACITY_RATE),
+            rate_mean: [mean as f32; 3],
+            rate_rotation: rate(self.rates.rotation),
+            rate_log_scale: rate(self.rates.scale),
+            rate_opacity: rate(self.rates.opacity),
             rate_intensity: 0.0,
             min_log_scale: least,
             max_log_scale: most,
@@ -228,47 +205,37 @@ impl Training {
             correction1,
             correction2,
             epsilon: EPSILON,
-            rate: rate(COLOUR_RATE),
-            rate_rest: rate(REST_RATE),
+            rate: rate(self.rates.colour),
+            rate_rest: rate(self.rates.rest),
         };
         (adam, harmonics)
     }
 
     /// Returns the PSNR of each picture of `views` over black, dB, peak 1. Waits for the device.
     pub fn psnr(&mut self, views: &Views) -> Result<Vec<f64>> {
-        let size = self.size.map(|edge| edge as usize);
-        let mut found = Vec::new();
-        for (camera, wanted) in views.cameras.iter().zip(&views.wanted) {
-            // What is shown is in bytes, too.
-            let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() / 255.0;
-            let drawn = self.draw(camera, views.ball, [0.0; 3])?;
-            let drawn = drawn.iter().map(|&[r, g, b, _]| [byte(r), byte(g), byte(b), 1.0]).collect();
-            let wanted =
-                wanted.read()?.iter().map(|word| word.to_le_bytes().map(|v| f32::from(v) / 255.0)).collect();
-            found.push(psnr(&Image { size, pixels: drawn }, &Image { size, pixels: wanted })?);
-        }
-        Ok(found)
+        let wanted = views.pictures()?;
+        views
+            .cameras
+            .iter()
+            .zip(&wanted)
+            .map(|(camera, wanted)| psnr(&self.picture(camera)?, wanted))
+            .collect()
     }
 
-    /// Returns the picture from a camera: colour over the background, and what passes. Waits for the device.
-    pub fn draw(
-        &mut self,
-        camera: &Camera,
-        ball: (DVec3, f64),
-        background: [f32; 3],
-    ) -> Result<Vec<[f32; 4]>> {
-        let shot = self.shot(camera, ball, background);
+    /// Returns the picture from a camera over black, in bytes as it is shown. Waits for the device.
+    pub fn picture(&mut self, camera: &Camera) -> Result<Image> {
+        let shot = self.objective.shot(camera, [0.0; 3]);
         loop {
             let mut recorder = self.gpu.record()?;
             let of = Splats { splats: &self.state.splats, harmonics: &self.colours.harmonics };
-            self.picture.draw(&mut recorder, &of, &shot);
-            let ticket = recorder.submit()?;
-            self.gpu.wait(ticket)?;
-            let needed = self.picture.needed()?;
-            if needed <= self.picture.capacity() {
-                return self.picture.colours.read();
+            self.objective.picture.draw(&mut recorder, &of, &shot);
+            self.gpu.wait(recorder.submit()?)?;
+            if !self.grow_to_need()? {
+                let byte = |v: f32| (v.clamp(0.0, 1.0) * 255.0).round() / 255.0;
+                let drawn = self.objective.picture.colours.read()?;
+                let pixels = drawn.iter().map(|&[r, g, b, _]| [byte(r), byte(g), byte(b), 1.0]).collect();
+                return Ok(Image { size: self.objective.size().map(|edge| edge as usize), pixels });
             }
-            self.picture.grow(needed)?;
         }
     }
 

@@ -6,6 +6,7 @@ use glam::DVec3;
 
 use base::error::Result;
 use gpu::{Buffer, Gpu};
+use image::Image;
 use render::{Camera, FOV_DEGREES, Fov, Renderer, Scene, Settings, mode};
 
 /// Cameras and the wanted pictures of each, on the device.
@@ -39,8 +40,11 @@ fn around(centre: DVec3, radius: f64, count: usize, shift: f64) -> Result<Vec<Ca
 
 impl Views {
     /// Renders a scene from `count` places all around the whole of it, what is hidden or cut away included, in the mode
-    /// called `mode_name` and as finely as that is meant for pictures. `going` is told the number of pictures that are done, and ends the work by false; the result is
-    /// `None` then.
+    /// called `mode_name` and as finely as that is meant for pictures. `going` is told the number of pictures that are
+    /// done, and ends the work by false; the result is `None` then.
+    ///
+    /// # Errors
+    /// Those of [`mode`] and of the device.
     pub fn of_scene(
         gpu: &Gpu,
         scene: &Scene,
@@ -49,24 +53,56 @@ impl Views {
         pixels: u32,
         going: &mut dyn FnMut(usize) -> bool,
     ) -> Result<Option<Self>> {
-        let size = [pixels; 2];
         let [low, high] = scene.bounds();
         let ball = ((low + high) * 0.5, ((high - low).length() * 0.5).max(1e-3));
         let cameras = around(ball.0, ball.1, count, shift)?;
+        let empty = Views { cameras, ball, size: [pixels; 2], wanted: Vec::new() };
+        empty.rendered(gpu, scene, mode_name, going)
+    }
+
+    /// Renders another scene, or the same one in another mode, from the places of these views.
+    ///
+    /// # Errors
+    /// Those of [`mode`] and of the device.
+    pub fn of_same_cameras(&self, gpu: &Gpu, scene: &Scene, mode_name: &str) -> Result<Option<Self>> {
+        let empty = Views { cameras: self.cameras.clone(), wanted: Vec::new(), ..*self };
+        empty.rendered(gpu, scene, mode_name, &mut |_| true)
+    }
+
+    fn rendered(
+        mut self,
+        gpu: &Gpu,
+        scene: &Scene,
+        mode_name: &str,
+        going: &mut dyn FnMut(usize) -> bool,
+    ) -> Result<Option<Self>> {
         let row = mode(mode_name)?;
-        let mut renderer =
-            Renderer::new(gpu, row, scene, &Settings { step: row.step, ..Settings::new(size) })?;
-        let mut wanted = Vec::new();
-        for (i, camera) in cameras.iter().enumerate() {
+        let settings = Settings { step: row.step, ..Settings::new(self.size) };
+        let mut renderer = Renderer::new(gpu, row, scene, &settings)?;
+        for (i, camera) in self.cameras.iter().enumerate() {
             if !going(i) {
                 return Ok(None);
             }
             renderer.render(scene, std::slice::from_ref(camera))?;
             let words: Vec<u32> = renderer.target.read_colour(0)?.iter().map(word).collect();
-            wanted.push(gpu.upload("wanted picture", "pictures", &words)?);
+            self.wanted.push(gpu.upload("wanted picture", "pictures", &words)?);
         }
-        Ok(Some(Views { cameras, ball, size, wanted }))
+        Ok(Some(self))
     }
+
+    /// Returns the wanted pictures over black. Waits for the device.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn pictures(&self) -> Result<Vec<Image>> {
+        self.wanted.iter().map(|wanted| picture(wanted, self.size)).collect()
+    }
+}
+
+/// Returns a wanted picture over black.
+fn picture(wanted: &Buffer<u32>, size: [u32; 2]) -> Result<Image> {
+    let pixels = wanted.read()?.iter().map(|word| word.to_le_bytes().map(|v| f32::from(v) / 255.0)).collect();
+    Ok(Image { size: size.map(|edge| edge as usize), pixels })
 }
 
 /// Returns a pixel in a byte a channel. No colour is brighter than its opacity.

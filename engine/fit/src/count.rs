@@ -120,14 +120,14 @@ impl Problem<'_> {
         self.at_voxels(gpu, goal, &fitter.splats()?)
     }
 
-    /// Measures splats (voxel space, HU) at the voxels, as `goal` counts them. Waits for the device.
+    /// Measures splats (voxel space, HU) at the voxels of the scan, as `goal` counts them. Waits for the device.
     ///
     /// # Errors
     /// Fails if the device fails.
     pub fn at_voxels(&self, gpu: &Gpu, goal: &Goal, splats: &[Splat]) -> Result<Metrics> {
         let protocol =
             Protocol { offsets: Vec::new(), range: goal.range, shell: 0, threshold: goal.threshold };
-        Ok(evaluate(gpu, splats, &self.field(), self.volume(), self.roi(), &protocol)?.on_grid)
+        Ok(evaluate(gpu, splats, &self.field(), self.volume(), &self.scanned_roi(), &protocol)?.on_grid)
     }
 
     /// Returns the problems that stand for this one in trials: itself, or parts of a large region, each around
@@ -146,8 +146,10 @@ impl Problem<'_> {
 
 /// Returns the figures of all parts together: errors add up as squares, by the weight of the parts.
 fn surplus_of_all(goal: &Goal, parts: &[Metrics]) -> f64 {
-    let weight: f64 = parts.iter().map(|part| part.weight).sum();
-    let mean = |f: fn(&Metrics) -> f64| parts.iter().map(|part| part.weight * f(part)).sum::<f64>() / weight;
+    // A part between two slices of the scan has nothing to say.
+    let parts = || parts.iter().filter(|part| part.weight > 0.0);
+    let weight: f64 = parts().map(|part| part.weight).sum();
+    let mean = |f: fn(&Metrics) -> f64| parts().map(|part| part.weight * f(part)).sum::<f64>() / weight;
     let mmse = mean(|part| part.mmse);
     goal.surplus_db(-10.0 * mmse.log10(), mean(|part| part.p99_hu * part.p99_hu).sqrt())
 }

@@ -1,7 +1,6 @@
 //! A fit in progress, on the device.
 //!
-//! [`Fitter::new`] samples targets on the host; [`Fitter::step`] records one iteration for the device as a
-//! plain list of passes. What happens between iterations (splats are added, removed and moved, intensities
+//! [`Fitter::step`] records one iteration for the device: the error at the voxels (`voxels`), and Adam. What happens between iterations (splats are added, removed and moved, intensities
 //! are sampled) is in `pause`. Inside, lengths are voxels, positions count from the first voxel of the brick
 //! grid, and intensities are relative to the background in spans of the HU range ([`Scaling`]).
 
@@ -12,19 +11,20 @@ use std::time::Duration;
 use glam::{DMat3, DVec3};
 use rayon::prelude::*;
 use serde::{Deserialize, Serialize};
-use shaders_glsl::types::{AdamParams, History, SplatGrad, Target};
+use shaders_glsl::types::{AdamParams, History, SplatGrad};
 
 use super::config::FitConfig;
 use super::schedule::Schedule;
 use super::state::{FitState, SplatRow};
 use super::subset::Subset;
-use super::targets::{Scaling, offsets, sample};
+use super::targets::Scaling;
 use super::terms;
 use super::unit::ScaleUnit;
+use super::voxels::{Counts, Moving, VoxelObjective};
 use base::error::{Error, Kind, Result};
 use gpu::{Buffer, Gpu, Ticket};
-use passes::loss::{ChunkSamples, DICE, LEAK, MSE, OCCUPANCY, UntouchedSums, Weighted};
-use passes::{Adam, Gradient, Losses, Rasterizer, adam};
+use passes::loss::{DICE, LEAK, MSE, OCCUPANCY};
+use passes::{Adam, Objective, adam};
 use splat::Splat;
 use splat::activation::normalised;
 use splat::space::reshaped;
@@ -32,10 +32,6 @@ use volume::{Bricks, Roi, Volume};
 
 /// Number of steps that may be in flight at once: one runs while the next is recorded.
 const IN_FLIGHT: usize = 2;
-
-/// Number of bricks above which the losses get a submission of their own, so that none takes long: on a CPU
-/// driver they need some 20 µs a brick.
-const LONG_LOSSES: usize = 4096;
 
 /// A fit in progress.
 pub struct Fitter<'a> {
@@ -49,19 +45,9 @@ pub struct Fitter<'a> {
     pub(super) stretch: DVec3,
     /// Least and greatest log scale along each of a splat's own axes.
     pub(super) log_scale_range: [[f32; 3]; 2],
-    pub(super) losses: Losses,
-    /// [offset]: the loss terms with their weights at that offset.
-    pub(super) terms: Vec<Vec<Weighted>>,
-    /// [offset][chunk]: sums of the losses in bricks that no splat reaches, which a mini-batch leaves out;
-    /// empty where all splats are rasterized.
-    untouched: Vec<Vec<UntouchedSums>>,
+    pub(super) objective: VoxelObjective,
     pub(super) adam: Adam,
     pub(super) work: Work,
-    pub(super) offsets: Vec<[f32; 3]>,
-    /// [offset][chunk]: the targets.
-    pub(super) targets: Vec<Vec<Buffer<Target>>>,
-    /// Number of pairs that each chunk needed in this step, then in the one before it.
-    pub(super) pair_totals: Buffer<u32>,
     /// Number of steps done, counting those in flight.
     pub(super) iteration: u32,
     /// The iteration before which the fit paused last.
@@ -73,23 +59,18 @@ pub struct Fitter<'a> {
     pub(super) readbacks: Vec<Buffer<u32>>,
 }
 
-/// Buffers and passes that have a row per splat.
+/// Buffers that have a row per splat.
 pub(super) struct Work {
-    /// Rasterizer of all splats, or of a mini-batch where that is rasterized alone.
-    pub(super) rasterizer: Rasterizer,
-    pub(super) gradient: Gradient,
     pub(super) all: adam::AdamState,
     pub(super) subset: Option<Subset>,
     /// Gradients of all splats, 0 outside the mini-batch, used where Adam takes a step for all splats.
     pub(super) dense: Option<Buffer<SplatGrad>>,
-    /// Rasterizer of all splats where `rasterizer` has a mini-batch; it is created when it is first needed.
-    pub(super) whole: Option<Rasterizer>,
 }
 
 pub(super) struct Flight {
     iteration: u32,
     ticket: Ticket,
-    /// Copy of `pair_totals`.
+    /// Copy of the pairs that it and the step before it needed.
     readback: Buffer<u32>,
 }
 
@@ -175,31 +156,11 @@ impl<'a> Fitter<'a> {
         let bricks = Arc::new(around(roi, terms::shell(config, roi)));
         let scaling = Scaling::new(volume, roi, config);
         let stretch = config.init.unit.stretch(volume);
-        let work = Work::new(gpu, &bricks, count, config, stretch.as_vec3().to_array())?;
-        let grid = &work.rasterizer.grid;
-        let offsets = offsets(config.offset_count(), config.seed);
-        // What is shown in the rim is the region's own.
-        let own = config.has_rim(roi).then(|| volume.of_region_alone(roi));
-        let aimed = own.as_ref().unwrap_or(volume);
-        let (mut targets, mut terms) = (Vec::new(), Vec::new());
-        for (i, &offset) in offsets.iter().enumerate() {
-            let mut outside = 0.0;
-            let row: Result<Vec<_>> = (0..grid.chunks())
-                .map(|c| {
-                    let rim = config.has_rim(roi);
-                    let sampled = sample(&bricks, grid.chunk(c), aimed, roi, &scaling, offset, rim);
-                    outside += terms::outside(config, &sampled);
-                    gpu.upload(&format!("targets {i}.{c}"), "targets", &sampled)
-                })
-                .collect();
-            targets.push(row?);
-            terms.push(terms::weighted(config, roi, &scaling, outside));
-        }
+        let work = Work::new(gpu, count, config)?;
+        let local = stretch.as_vec3().to_array();
+        let counts = work.counts();
+        let objective = VoxelObjective::new(gpu, volume, roi, config, &bricks, &scaling, local, counts)?;
         let (scale_min, scale_max) = config.scale_clamp(volume);
-        let mut losses =
-            Losses::new(gpu, &terms[0], config.epsilon, config.storage, grid.chunk_slots(), grid.chunks())?;
-        let pair_totals = gpu.buffer("pair totals of two steps", "sorting", 2 * grid.chunks())?;
-        let untouched = untouched_sums(gpu, config, &work.rasterizer, &mut losses, &terms, &targets)?;
         Ok(Fitter {
             gpu: gpu.clone(),
             volume,
@@ -214,17 +175,12 @@ impl<'a> Fitter<'a> {
             stretch,
             log_scale_range: log_scale_range(scale_min, scale_max, config, stretch),
             work,
-            losses,
-            terms,
-            untouched,
-            offsets,
-            targets,
+            objective,
             iteration: 0,
             paused_at: None,
             first_count: count,
             flying: VecDeque::new(),
             readbacks: Vec::new(),
-            pair_totals,
         })
     }
 
@@ -243,96 +199,38 @@ impl<'a> Fitter<'a> {
         self.iteration
     }
 
-    /// Returns the index of the offset that iteration `turn` samples at.
-    fn offset_index(&self, turn: u32) -> usize {
-        if self.config.samples.grid_every > 0 && turn.is_multiple_of(self.config.samples.grid_every) {
-            0
-        } else {
-            turn as usize % self.offsets.len()
-        }
-    }
-
     /// Submits one iteration to the device. The learning rates follow `share`, the part of the schedule that
     /// is done (0..1), by iterations or by the time budget.
     pub fn step(&mut self, share: f64) -> Result<()> {
         self.prepare(share)?;
         let turn = self.iteration;
-        let index = self.offset_index(turn);
-        let offset = self.offsets[index];
         let params = self.adam_params(turn, share);
-        let alone = self.config.subset.alone;
-        let Work { rasterizer, gradient, all, subset, dense, .. } = &mut self.work;
-        let chunks = rasterizer.grid.chunks();
+        let Work { all, subset, dense } = &mut self.work;
         let mut recorder = self.gpu.record()?;
-        recorder.copy(&rasterizer.pair_totals, 0, &mut self.pair_totals, chunks, chunks);
         if let Some(subset) = subset {
-            subset.take(&mut recorder, all, turn);
+            subset.take_state(&mut recorder, all, turn);
         }
-        // One chunk is rasterized once. More share their buffers: a loss that needs sums over all samples
-        // first (`Losses::need_overlap`) takes a sweep of its own.
-        let sweeps = if self.losses.need_overlap() && chunks > 1 { 2 } else { 1 };
-        for (sweep, chunk) in (0..sweeps).flat_map(|sweep| (0..chunks).map(move |chunk| (sweep, chunk))) {
-            let slots = rasterizer.grid.chunk(chunk);
-            let (slot_count, targets) = (slots.len(), &self.targets[index][chunk]);
-            let splats = match subset {
-                Some(subset) if alone => &subset.active.splats,
-                _ => &all.splats,
-            };
-            rasterizer.record(&mut recorder, splats, chunk, offset)?;
-            if slot_count > LONG_LOSSES {
-                recorder.split()?;
-            }
-            let samples = ChunkSamples {
-                chunk,
-                slots,
-                targets,
-                reconstructions: &rasterizer.reconstructions,
-                touched: self.untouched.get(index).map(|row| (rasterizer.bins.starts(), &row[chunk])),
-            };
-            if sweep == 0 {
-                self.losses.record_overlap(&mut recorder, &samples);
-            }
-            if sweep + 1 < sweeps {
-                continue;
-            }
-            self.losses.record(&mut recorder, &self.terms[index], &samples);
-            if slot_count > LONG_LOSSES {
-                recorder.split()?;
-            }
-            let footprints = match subset {
-                Some(subset) if !alone => {
-                    subset.take_footprints(&mut recorder, &rasterizer.bins.footprints, turn);
-                    &subset.footprints
-                }
-                _ => &rasterizer.bins.footprints,
-            };
-            let (grid, adjoints) = (&rasterizer.grid, &self.losses.adjoints);
-            gradient.gather(&mut recorder, grid, footprints, adjoints, chunk, offset)?;
-        }
-        let moving = match subset {
-            Some(subset) => &mut subset.active,
-            None => &mut *all,
-        };
-        gradient.record(&mut recorder, &moving.splats, rasterizer.grid.stretch);
-        recorder.copy(&rasterizer.pair_totals, 0, &mut self.pair_totals, 0, chunks);
-        let (adam, totals) = (&mut self.adam, &self.pair_totals);
+        let splats = Moving { all: &all.splats, subset: subset.as_ref() };
+        self.objective.record(&mut recorder, &splats, turn)?;
+        let (adam, objective) = (&mut self.adam, &self.objective);
+        let (gradients, totals) = (objective.gradients(), objective.pair_totals());
         match (subset, dense) {
-            (None, _) => adam.record(&mut recorder, &gradient.rows, all, totals, &params),
+            (None, _) => adam.record(&mut recorder, gradients, all, totals, &params),
             (Some(subset), Some(dense)) => {
                 recorder.clear(dense);
-                subset.put_gradients(&mut recorder, &gradient.rows, dense, turn);
+                subset.put_gradients(&mut recorder, gradients, dense, turn);
                 adam.record(&mut recorder, dense, all, totals, &params);
             }
             (Some(subset), None) => {
-                adam.record(&mut recorder, &gradient.rows, &mut subset.active, totals, &params);
-                subset.put(&mut recorder, all, turn);
+                adam.record(&mut recorder, gradients, &mut subset.active, totals, &params);
+                subset.put_state(&mut recorder, all, turn);
             }
         }
         let mut readback = match self.readbacks.pop() {
             Some(buffer) => buffer,
-            None => self.gpu.readback("step read back", 2 * chunks)?,
+            None => self.gpu.readback("step read back", totals.len())?,
         };
-        recorder.copy(&self.pair_totals, 0, &mut readback, 0, 2 * chunks);
+        recorder.copy(totals, 0, &mut readback, 0, totals.len());
         let ticket = recorder.submit()?;
         self.flying.push_back(Flight { iteration: turn, ticket, readback });
         self.iteration += 1;
@@ -391,12 +289,12 @@ impl<'a> Fitter<'a> {
         self.gpu.wait(flight.ticket)?;
         let needed = flight.readback.mapped()?.iter().copied().max().unwrap_or_default() as usize;
         self.readbacks.push(flight.readback);
-        if needed > self.work.rasterizer.bins.capacity() {
+        if needed > self.objective.capacity() {
             while let Some(later) = self.flying.pop_front() {
                 self.gpu.wait(later.ticket)?;
                 self.readbacks.push(later.readback);
             }
-            self.work.rasterizer.bins.grow(needed)?;
+            self.objective.grow(needed)?;
             self.iteration = flight.iteration;
         }
         Ok(())
@@ -411,14 +309,13 @@ impl<'a> Fitter<'a> {
         let decay = f64::from(c.rates.decay).powf(share.clamp(0.0, 1.0)) as f32;
         let spent = f64::from(turn) / f64::from(c.rates.mean_decay_iterations);
         let mean_decay = decay * f64::from(c.rates.mean_decay).powf(spent) as f32;
-        let rasterizer = &self.work.rasterizer;
         let correction = |beta: f32| (1.0 / (1.0 - f64::from(beta).powf(t))) as f32;
         AdamParams {
             splat_count: block.map_or(self.work.all.splats.len(), Subset::size) as u32,
             // If a step is in flight before this one, its needs count too: if its pairs had no room, it moved
             // nothing and will be repeated, so this one must not move anything either.
-            chunk_count: (IN_FLIGHT * rasterizer.grid.chunks()) as u32,
-            capacity: rasterizer.bins.capacity() as u32,
+            chunk_count: self.objective.pair_totals().len() as u32,
+            capacity: self.objective.capacity() as u32,
             beta1: c.adam.beta1,
             beta2: c.adam.beta2,
             correction1: correction(c.adam.beta1),
@@ -435,7 +332,7 @@ impl<'a> Fitter<'a> {
             max_logit: c.logit_max,
             min_intensity: self.scaling.value(self.scaling.intensity_range.0),
             max_intensity: self.scaling.value(self.scaling.intensity_range.1),
-            max_mean: rasterizer.grid.max_mean(),
+            max_mean: self.objective.rasterizer.grid.max_mean(),
         }
     }
 
@@ -463,10 +360,10 @@ impl<'a> Fitter<'a> {
     pub fn progress(&mut self) -> Result<Progress> {
         self.finish()?;
         if self.work.subset.is_some() && self.config.subset.alone {
-            self.measure_all()?;
+            self.objective.measure_all(&self.work.all.splats, self.iteration.saturating_sub(1))?;
         }
-        let sums = self.losses.sums()?;
-        let mean = |term| self.terms[0].iter().position(|t| t.term == term).map(|i| sums[i].mean());
+        let means = self.objective.means()?;
+        let mean = |term| means.get(&term).copied();
         let mse = mean(MSE).unwrap_or_default();
         Ok(Progress {
             iteration: self.iteration,
@@ -515,61 +412,23 @@ impl<'a> Fitter<'a> {
             rows: self.work.read_rows()?,
         })
     }
-
-    /// Computes the sums of the losses over all splats, where a step has only those of its mini-batch.
-    /// Values, unlike adjoints, do not need the overlap first.
-    fn measure_all(&mut self) -> Result<()> {
-        let index = self.offset_index(self.iteration.saturating_sub(1));
-        let offset = self.offsets[index];
-        let (rasterizer, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
-        for chunk in 0..rasterizer.grid.chunks() {
-            rasterizer.rasterize_chunk(splats, chunk, offset)?;
-            let mut recorder = self.gpu.record()?;
-            let samples = ChunkSamples {
-                chunk,
-                slots: rasterizer.grid.chunk(chunk),
-                targets: &self.targets[index][chunk],
-                reconstructions: &rasterizer.reconstructions,
-                touched: None,
-            };
-            self.losses.record(&mut recorder, &self.terms[index], &samples);
-            self.gpu.wait(recorder.submit()?)?;
-        }
-        Ok(())
-    }
 }
 
 impl Work {
-    fn new(gpu: &Gpu, bricks: &Bricks, count: usize, config: &FitConfig, stretch: [f32; 3]) -> Result<Self> {
+    pub(super) fn new(gpu: &Gpu, count: usize, config: &FitConfig) -> Result<Self> {
         let subset = Subset::of(gpu, count, config)?;
-        let moving = subset.as_ref().map_or(count, Subset::size);
-        let rasterized = if config.subset.alone { moving } else { count };
+        // Gradients of all splats are needed if there are mini-batches and Adam takes a step for all splats.
+        let dense = subset.is_some() && config.subset.dense;
         Ok(Work {
-            rasterizer: rasterizer(gpu, bricks, rasterized, config, stretch)?,
-            dense: dense_gradients(gpu, count, &subset, config)?,
-            gradient: Gradient::new(gpu, config.kernel, moving, config.storage)?,
+            dense: dense.then(|| gpu.buffer("gradients of all splats", "optimiser", count)).transpose()?,
             all: adam::AdamState::zeroed(gpu, count)?,
             subset,
-            whole: None,
         })
     }
 
-    /// Returns a rasterizer of all splats, created at the first call if need be, and the splats.
-    pub(super) fn whole(
-        &mut self,
-        gpu: &Gpu,
-        bricks: &Bricks,
-        config: &FitConfig,
-    ) -> Result<(&mut Rasterizer, &Buffer<Splat>)> {
-        let splats = &self.all.splats;
-        if self.subset.is_none() || !config.subset.alone {
-            return Ok((&mut self.rasterizer, splats));
-        }
-        if self.whole.is_none() {
-            self.whole = Some(rasterizer(gpu, bricks, splats.len(), config, self.rasterizer.grid.stretch)?);
-        }
-        let whole = self.whole.as_mut().unwrap_or(&mut self.rasterizer);
-        Ok((whole, splats))
+    pub(super) fn counts(&self) -> Counts {
+        let all = self.all.splats.len();
+        Counts { all, moving: self.subset.as_ref().map_or(all, Subset::size) }
     }
 
     pub(super) fn read_rows(&self) -> Result<Vec<SplatRow>> {
@@ -588,54 +447,6 @@ impl Work {
         self.all.second.write_range(0, &rows.iter().map(|r| r.second).collect::<Vec<_>>())?;
         self.all.histories.write_range(0, &rows.iter().map(|r| r.history).collect::<Vec<_>>())
     }
-}
-
-/// Computes what the losses sum up to in bricks that no splat reaches, by [offset][chunk]. Most bricks are of
-/// this kind where a mini-batch is rasterized alone; for other fits nothing is returned.
-fn untouched_sums(
-    gpu: &Gpu,
-    config: &FitConfig,
-    rasterizer: &Rasterizer,
-    losses: &mut Losses,
-    terms: &[Vec<Weighted>],
-    targets: &[Vec<Buffer<Target>>],
-) -> Result<Vec<Vec<UntouchedSums>>> {
-    if config.subset.size == 0 || !config.subset.alone {
-        return Ok(Vec::new());
-    }
-    let Rasterizer { grid, reconstructions: nothing, .. } = rasterizer;
-    let mut chunks = |terms: &[Weighted], targets: &[Buffer<Target>]| {
-        let of_chunk =
-            |(chunk, targets)| losses.untouched_sums(gpu, terms, targets, nothing, chunk, grid.chunk(chunk));
-        targets.iter().enumerate().map(of_chunk).collect()
-    };
-    terms.iter().zip(targets).map(|(terms, targets)| chunks(terms, targets)).collect()
-}
-
-/// Creates a rasterizer whose samples are stored as the losses of the fit read them.
-pub(super) fn rasterizer(
-    gpu: &Gpu,
-    bricks: &Bricks,
-    count: usize,
-    config: &FitConfig,
-    stretch: [f32; 3],
-) -> Result<Rasterizer> {
-    let mut rasterizer =
-        Rasterizer::with_storage(gpu, config.kernel, config.epsilon, bricks, count, config.storage)?;
-    rasterizer.grid.stretch = stretch;
-    Ok(rasterizer)
-}
-
-/// Creates the buffer of the gradients of all splats if there are mini-batches and Adam takes a step for all
-/// splats.
-pub(super) fn dense_gradients(
-    gpu: &Gpu,
-    count: usize,
-    subset: &Option<Subset>,
-    config: &FitConfig,
-) -> Result<Option<Buffer<SplatGrad>>> {
-    let needed = subset.is_some() && config.subset.dense;
-    needed.then(|| gpu.buffer("gradients of all splats", "optimiser", count)).transpose()
 }
 
 /// Returns the least and greatest log scale along each of a splat's own axes. In the unit cube of the box,

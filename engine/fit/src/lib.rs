@@ -14,6 +14,7 @@
 //! | `going` | how far a stage that takes long is, and whether it goes on |
 //! | `init` | the first splats |
 //! | `fitter` | the iterations on the device |
+//! | `voxels` | the error at the voxels, as the objective that they lower |
 //! | `subset` | mini-batches |
 //! | `pause`, `topology` | between iterations: splats are added, removed and moved (density control) |
 //! | `targets`, `terms` | the samples that a fit must match, and its loss terms |
@@ -50,6 +51,7 @@ mod targets;
 mod terms;
 pub mod topology;
 mod unit;
+mod voxels;
 
 pub use config::{Background, FitConfig, FitForm, IntensityRange, Parameter, Storage};
 pub use fitter::{Fitter, Progress};

@@ -8,9 +8,8 @@ use rayon::prelude::*;
 use shaders_glsl::types::History;
 
 use super::evaluate::FieldSample;
-use super::fitter::{Fitter, Work, dense_gradients, to_local};
+use super::fitter::{Fitter, Work, to_local};
 use super::state::SplatRow;
-use super::subset::Subset;
 use super::topology::{Change, Scene};
 use base::error::Result;
 use splat::space::reshaped;
@@ -86,8 +85,7 @@ impl Fitter<'_> {
 
     /// Returns the field of all splats at the voxel centres, [slot][Morton place], HU.
     fn field_at_voxels(&mut self) -> Result<Vec<FieldSample>> {
-        let (rasterizer, splats) = self.work.whole(&self.gpu, &self.bricks, &self.config)?;
-        let got = rasterizer.rasterize(splats, [0.0; 3])?;
+        let got = self.objective.at_voxels(&self.work.all.splats)?;
         let (scaling, w0) = (self.scaling, self.config.loss.occupancy_w0);
         let sample = |weight: f32, value: f32| FieldSample {
             hu: scaling.hu(value),
@@ -118,7 +116,8 @@ impl Fitter<'_> {
             })
             .collect();
         if rows.len() != before.len() {
-            self.work.resize(&self.gpu, rows.len(), &self.config)?;
+            self.work = Work::new(&self.gpu, rows.len(), &self.config)?;
+            self.objective.resize(self.work.counts())?;
         }
         self.work.write_rows(&rows)
     }
@@ -160,19 +159,5 @@ impl Fitter<'_> {
             let hu = self.volume.sample_clipped(at, range, self.scaling.background) as f32;
             splat.intensity = hu.clamp(low, high);
         }
-    }
-}
-
-impl Work {
-    /// Makes room for `count` splats; what the rows held is lost.
-    fn resize(&mut self, gpu: &gpu::Gpu, count: usize, config: &super::FitConfig) -> Result<()> {
-        self.whole = None;
-        self.subset = Subset::of(gpu, count, config)?;
-        self.dense = dense_gradients(gpu, count, &self.subset, config)?;
-        let moving = self.subset.as_ref().map_or(count, Subset::size);
-        self.rasterizer.resize(if config.subset.alone { moving } else { count })?;
-        self.gradient.resize(moving)?;
-        self.all = passes::adam::AdamState::zeroed(gpu, count)?;
-        Ok(())
     }
 }

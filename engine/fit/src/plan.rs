@@ -57,7 +57,7 @@ pub struct Order<'a> {
     pub config: &'a FitConfig,
     /// The error to reach.
     pub goal: Option<Goal>,
-    /// How the goal is measured; `None` for the field of the splats at the voxels of the working grid.
+    /// How the goal is measured; `None` for the field of the splats at the voxels of the scan on the working grid.
     pub measure: Option<Box<Measure<'a>>>,
     /// True if the splats are for a file that rounds them: they are rounded and fitted again, unless they are fitted in
     /// mini-batches or by a clock.

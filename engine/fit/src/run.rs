@@ -37,6 +37,14 @@ pub const GOAL_MARGIN_DB: f64 = 0.3;
 /// its row.
 const HOST_BYTES_A_SPLAT: u64 = 300;
 
+/// The slices of a working grid that the scan has.
+#[derive(Clone, Copy, Debug)]
+struct ScanSlices {
+    axis: usize,
+    every: usize,
+    first: usize,
+}
+
 /// A fitting problem: a volume and a region on the working grid, and a configuration that was checked.
 pub struct Problem<'a> {
     volume: Cow<'a, Volume>,
@@ -44,6 +52,8 @@ pub struct Problem<'a> {
     config: FitConfig,
     /// Sum of the mask on the volume's own grid, voxels: what a density is multiplied by.
     native_voxels: f64,
+    /// Where the working grid has more slices: which of them are the scan's.
+    scan_slices: Option<ScanSlices>,
     /// Checksum of the volume on its own grid, once it was asked for.
     volume_crc32: OnceLock<u32>,
     /// The voxels of a binary region, once they were asked for.
@@ -68,13 +78,16 @@ impl<'a> Problem<'a> {
             let roi = Cow::Owned(finer.roi(roi, &fine, &along));
             let (volume, config) = (Cow::Owned(fine), config.clone());
             let region = OnceLock::new();
-            return Ok(Problem { volume, roi, config, native_voxels, volume_crc32, region });
+            let scan_slices = Some(ScanSlices { axis: finer.axis(), every: finer.factor(), first: 0 });
+            return Ok(Problem { volume, roi, config, native_voxels, scan_slices, volume_crc32, region });
         }
+        let scan_slices = None;
         if config.samples.working_grid <= 1 {
             let (volume, roi) = (Cow::Borrowed(volume), Cow::Borrowed(roi));
             let volume_crc32 = OnceLock::new();
             let region = OnceLock::new();
-            return Ok(Problem { volume, roi, config: config.clone(), native_voxels, volume_crc32, region });
+            let config = config.clone();
+            return Ok(Problem { volume, roi, config, native_voxels, scan_slices, volume_crc32, region });
         }
         // The range is that of the native volume: the means of its blocks reach less far.
         let (low, high) = Scaling::new(volume, roi, config).range;
@@ -84,6 +97,7 @@ impl<'a> Problem<'a> {
             roi: Cow::Owned(roi.coarsened(factor)),
             config: config.clone().with(|c| c.region.hu_range = [low, high]),
             native_voxels,
+            scan_slices,
             volume_crc32: OnceLock::from(volume.crc32()),
             region: OnceLock::new(),
         })
@@ -94,7 +108,8 @@ impl<'a> Problem<'a> {
         let (volume, roi) = (Cow::Borrowed(&*self.volume), Cow::Borrowed(&*self.roi));
         let volume_crc32 = self.volume_crc32.clone();
         let region = self.region.clone();
-        Problem { volume, roi, config, native_voxels: self.native_voxels, volume_crc32, region }
+        let (native_voxels, scan_slices) = (self.native_voxels, self.scan_slices);
+        Problem { volume, roi, config, native_voxels, scan_slices, volume_crc32, region }
     }
 
     /// Returns the part of the problem in the box of `size` voxels from `first` on.
@@ -103,6 +118,10 @@ impl<'a> Problem<'a> {
         Problem {
             volume: Cow::Owned(self.volume.cropped(first, size)),
             native_voxels: roi.weight_sum() * self.native_voxels / self.roi.weight_sum(),
+            scan_slices: self.scan_slices.map(|scan| {
+                let before = scan.first as isize - first[scan.axis] as isize;
+                ScanSlices { first: before.rem_euclid(scan.every as isize) as usize, ..scan }
+            }),
             roi: Cow::Owned(roi),
             config: self.config.clone(),
             volume_crc32: OnceLock::new(),
@@ -133,6 +152,14 @@ impl<'a> Problem<'a> {
     /// Returns the region on the working grid.
     pub fn roi(&self) -> &Roi {
         &self.roi
+    }
+
+    /// Returns the region in the slices that the scan has: what lies between them is no measure of a fit.
+    pub(super) fn scanned_roi(&self) -> Cow<'_, Roi> {
+        match self.scan_slices {
+            Some(ScanSlices { axis, every, first }) => Cow::Owned(self.roi.in_planes(axis, every, first)),
+            None => Cow::Borrowed(&self.roi),
+        }
     }
 
     /// Returns the configuration, with the range of the native volume where the working grid is coarser.

@@ -2,10 +2,11 @@
 //! all splats cut into pieces, so after an epoch every splat has been updated, and the number of its updates
 //! is taken to be the number of epochs.
 
+use bytemuck::Pod;
 use rand::SeedableRng;
 use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
-use shaders_glsl::types::{Footprint, SplatGrad};
+use shaders_glsl::types::SplatGrad;
 
 use super::FitConfig;
 use base::error::Result;
@@ -26,8 +27,6 @@ pub(super) struct Subset {
     order: Buffer<u32>,
     /// Parameters and optimiser state of the current block.
     pub active: AdamState,
-    /// Footprints of the current block, used where all splats are rasterized.
-    pub footprints: Buffer<Footprint>,
 }
 
 impl Subset {
@@ -48,7 +47,6 @@ impl Subset {
             epoch: None,
             order: gpu.buffer("order of the subsets", "optimiser", count)?,
             active: AdamState::zeroed(gpu, size)?,
-            footprints: gpu.buffer("footprints of the subset", "splats", size)?,
         }))
     }
 
@@ -84,8 +82,13 @@ impl Subset {
         ((turn % self.blocks) as usize * self.size).min(self.count - self.size)
     }
 
+    /// Records copying the rows of the block of iteration `turn` out of those of all splats.
+    pub fn take<T: Pod>(&self, recorder: &mut Recorder, all: &Buffer<T>, block: &mut Buffer<T>, turn: u32) {
+        self.rows.gather(recorder, all, &self.order, self.first(turn), block);
+    }
+
     /// Records copying the block of iteration `turn` out of `all`.
-    pub fn take(&mut self, recorder: &mut Recorder, all: &AdamState, turn: u32) {
+    pub fn take_state(&mut self, recorder: &mut Recorder, all: &AdamState, turn: u32) {
         let (rows, first, active) = (&self.rows, self.first(turn), &mut self.active);
         rows.gather(recorder, &all.splats, &self.order, first, &mut active.splats);
         rows.gather(recorder, &all.first, &self.order, first, &mut active.first);
@@ -93,13 +96,8 @@ impl Subset {
         rows.gather(recorder, &all.histories, &self.order, first, &mut active.histories);
     }
 
-    /// Records copying the block's footprints out of those of all splats.
-    pub fn take_footprints(&mut self, recorder: &mut Recorder, all: &Buffer<Footprint>, turn: u32) {
-        self.rows.gather(recorder, all, &self.order, self.first(turn), &mut self.footprints);
-    }
-
     /// Records copying the block back into `all`.
-    pub fn put(&self, recorder: &mut Recorder, all: &mut AdamState, turn: u32) {
+    pub fn put_state(&self, recorder: &mut Recorder, all: &mut AdamState, turn: u32) {
         let (rows, first, active) = (&self.rows, self.first(turn), &self.active);
         rows.scatter(recorder, &active.splats, &self.order, first, &mut all.splats);
         rows.scatter(recorder, &active.first, &self.order, first, &mut all.first);

@@ -24,5 +24,5 @@ pub use difference::{DifferenceMap, difference_picture};
 pub use file::{Picture, WriteOptions, read, write};
 pub use flip::{Flip, flip};
 pub use image::{Image, MAX_PIXELS};
-pub use lettering::{Align, Ink, shortened, text_width};
+pub use lettering::{Align, Ink, line_height, shortened, text_width};
 pub use measure::{Difference, largest_difference, psnr, ssim};

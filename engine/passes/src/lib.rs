@@ -28,6 +28,7 @@
 //! | `render/slab` | `slab` | the modes slab and exact |
 //! | `render/raymarch` | `raymarch` | the modes volume and decoded |
 //! | `views`, `splat_rows` | | the views and the splats that kernels read |
+//! | `objective` | | what splats are moved by: [`Objective`] |
 //! | `lists` | | lists of rows, one behind the other |
 //! | `storage`, `workgroup_shape` | | how samples are stored, how wide workgroups are |
 //! | `submission_pacer` | | how much work one submission takes |
@@ -44,6 +45,7 @@ pub mod faces;
 pub mod gradient;
 pub mod lists;
 pub mod loss;
+mod objective;
 pub mod occupancy;
 pub mod overlap;
 mod pair_lists;
@@ -74,6 +76,7 @@ pub use faces::Faces;
 pub use gradient::Gradient;
 pub use lists::Lists;
 pub use loss::Losses;
+pub use objective::Objective;
 pub use occupancy::Occupancy;
 pub use overlap::Overlap;
 pub use picture::Picture;

@@ -76,7 +76,7 @@ pub use gpu_volume::{GpuVolume, VolumeSource};
 pub use intensities::Intensities;
 pub use look::{Appearance, Classification, ClipPlane, Look, LookBuffers, PLANES};
 pub use mode::Mode;
-pub use modes::{MEANWHILE, MODES, ModeRow, Needs, StepOf, mode};
+pub use modes::{MEANWHILE, MODES, ModeRow, Needs, OF_VOLUMES, StepOf, mode};
 pub use object_change::{ObjectChange, hex_colour};
 pub use part::Part;
 pub use pick::{Hit, Probe, Reading};

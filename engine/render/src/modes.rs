@@ -72,6 +72,9 @@ impl Needs {
 /// The mode in which splats are shown while what another one [needs](Needs) is made.
 pub const MEANWHILE: &str = "slab";
 
+/// The mode that shows a volume where none is asked for.
+pub const OF_VOLUMES: &str = "volume";
+
 impl ModeRow {
     /// Creates the mode. Fails if the scene lacks what the mode renders.
     pub(super) fn make(&self, gpu: &Gpu, scene: &Scene, settings: &Settings) -> Result<Box<dyn Mode>> {

@@ -35,6 +35,17 @@ impl Roi {
     }
 }
 
+impl Roi {
+    /// Returns the region in every `every`-th plane of voxels across `axis`, from plane `first` on.
+    pub fn in_planes(&self, axis: usize, every: usize, first: usize) -> Roi {
+        let [nx, ny, _] = self.size;
+        let plane = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)][axis];
+        let is_in = |i: usize| plane(i) >= first && (plane(i) - first).is_multiple_of(every);
+        let weight = self.weight.par_iter().enumerate().map(|(i, &w)| if is_in(i) { w } else { 0.0 });
+        Roi { weight: weight.collect(), ..*self }
+    }
+}
+
 fn cropped(values: &[f32], whole: [usize; 3], first: [usize; 3], size: [usize; 3]) -> Vec<f32> {
     assert!((0..3).all(|k| first[k] + size[k] <= whole[k]), "the box lies within the volume");
     let mut out = vec![0.0; size.iter().product()];
@@ -51,6 +62,21 @@ mod tests {
     use glam::DMat3;
 
     use super::*;
+
+    #[test]
+    fn planes_keep_their_weights_and_the_others_have_none() {
+        let size = [3, 4, 5];
+        let volume = Volume::new(size, DAffine3::IDENTITY, vec![0.0; 60]);
+        let roi = Roi::new((1..=60).map(|i| i as f32 / 60.0).collect(), &volume).expect("a region");
+        for (axis, every, first) in [(0, 2, 1), (1, 3, 0), (2, 2, 1), (2, 1, 0), (1, 9, 8)] {
+            let found = roi.in_planes(axis, every, first);
+            for (i, (&w, &whole)) in found.weight.iter().zip(&roi.weight).enumerate() {
+                let plane = [i % 3, i / 3 % 4, i / 12][axis];
+                let is_in = plane >= first && (plane - first) % every == 0;
+                assert_eq!(w, if is_in { whole } else { 0.0 }, "{axis} {every} {first}: {i}");
+            }
+        }
+    }
 
     #[test]
     fn a_part_has_the_voxels_of_the_whole_where_they_are() {

@@ -49,6 +49,7 @@ Splats: PLY and .vgs. Pictures: PNG and EXR. Pages: HTML. For looking, not for d
 #[derive(Subcommand)]
 enum Command {
     Fit(Box<commands::fit::FitArguments>),
+    Batch(commands::fit::BatchArguments),
     Eval(commands::eval::EvalArguments),
     Rasterize(commands::rasterize::RasterizeArguments),
     Render(Box<commands::render::RenderArguments>),
@@ -83,6 +84,7 @@ fn main() -> ExitCode {
         console.start_logging();
         match cli.command {
             Command::Fit(arguments) => commands::fit::run(&arguments, &console),
+            Command::Batch(arguments) => commands::fit::batch(&arguments, &console),
             Command::Eval(arguments) => commands::eval::run(&arguments, &console),
             Command::Rasterize(arguments) => commands::rasterize::run(&arguments, &console),
             Command::Render(arguments) => commands::render::run(&arguments, &console),

@@ -3,7 +3,8 @@
 use crate::support::Folder;
 
 /// The commands that users type.
-const COMMANDS: [&str; 17] = [
+const COMMANDS: [&str; 18] = [
+    "batch",
     "bake",
     "fit",
     "eval",

@@ -3,6 +3,7 @@
 
 mod arrows;
 mod bake;
+mod batch;
 mod compare;
 mod convert;
 mod dicom;

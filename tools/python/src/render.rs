@@ -2,7 +2,7 @@
 
 use engine::image::{self, Image};
 use engine::render::{
-    Camera, CameraFile, ClipPlane, FOV_DEGREES, Intensities, Look, ObjectChange, Renderer, Scene,
+    Camera, CameraFile, ClipPlane, FOV_DEGREES, Intensities, Look, OF_VOLUMES, ObjectChange, Renderer, Scene,
     Settings as Quality, SplatKind, UsualLook, VolumeSource, mode,
 };
 use engine::transfer::{
@@ -220,7 +220,7 @@ pub fn render<'py>(
     let drawn = || {
         asked.check()?;
         let kind = splats.map(|splats| SplatKind::of(&splats.0));
-        let usual = kind.map_or("volume", SplatKind::usual_mode);
+        let usual = kind.map_or(OF_VOLUMES, SplatKind::usual_mode);
         let row = mode(asked.mode.as_deref().unwrap_or(usual))?;
         if row.of_splats != splats.is_some() {
             let what = if row.of_splats { "splats" } else { "a volume" };

@@ -4,7 +4,7 @@
 use engine::Result;
 use engine::gpu::Gpu;
 use engine::render::{
-    Camera, Fov, Intensities, Look, Renderer, Scene, Settings, SplatKind, VolumeSource, mode,
+    Camera, Fov, Intensities, Look, OF_VOLUMES, Renderer, Scene, Settings, SplatKind, VolumeSource, mode,
 };
 use engine::splat::SplatSet;
 use engine::transfer::{TransferFunction, preset};
@@ -69,7 +69,7 @@ impl Solids {
             renderer.render(&scene, &[camera])?;
             renderer.target.read_colour(0)
         };
-        let pictures = [render(None, "volume")?, render(Some(set), SplatKind::of(set).usual_mode())?];
+        let pictures = [render(None, OF_VOLUMES)?, render(Some(set), SplatKind::of(set).usual_mode())?];
         Ok(Solids { pictures, transfer, range, size })
     }
 

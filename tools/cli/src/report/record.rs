@@ -28,6 +28,8 @@ pub struct RunRecord<'a> {
     pub end: &'a str,
     /// The error, if the fit failed.
     pub error: Option<String>,
+    /// Hash of the inputs' content, the settings and the version, of a fit in a batch: what has it is not fitted again.
+    pub made_of: Option<&'a str>,
     pub inputs: BTreeMap<&'static str, InputRecord>,
     pub volume: VolumeRecord,
     pub roi: RoiRecord,

@@ -2,6 +2,7 @@
 
 use std::fmt;
 use std::io::{self, Write};
+use std::sync::{Mutex, PoisonError};
 
 use clap::{ArgAction, Args};
 use engine::{Error, Kind, Result};
@@ -46,6 +47,11 @@ impl Console {
         Console { json: talk.json, quiet: talk.quiet, verbose: talk.verbose }
     }
 
+    /// Creates a console that writes no results and nothing for people.
+    pub fn silent() -> Self {
+        Console { json: false, quiet: true, verbose: 0 }
+    }
+
     /// Sends the log of the engine to stderr.
     pub fn start_logging(&self) {
         let level = match (self.quiet, self.verbose) {
@@ -85,6 +91,24 @@ impl Console {
                 let _ = writeln!(io::stderr(), "{text}");
             });
         }
+    }
+}
+
+/// Name of the case that messages are about.
+static CASE: Mutex<String> = Mutex::new(String::new());
+
+/// Messages are about a case until this is dropped.
+pub struct AboutCase(());
+
+/// Puts the name of a case before all messages.
+pub fn about_case(name: &str) -> AboutCase {
+    name.clone_into(&mut CASE.lock().unwrap_or_else(PoisonError::into_inner));
+    AboutCase(())
+}
+
+impl Drop for AboutCase {
+    fn drop(&mut self) {
+        CASE.lock().unwrap_or_else(PoisonError::into_inner).clear();
     }
 }
 
@@ -142,9 +166,16 @@ where
             Level::INFO => ("info", "\x1b[32m"),
             _ => ("debug", "\x1b[2m"),
         };
+        let case = CASE.lock().unwrap_or_else(PoisonError::into_inner).clone();
         if self.json {
-            let line = serde_json::json!({ "level": name, "msg": text.0 });
+            let mut line = serde_json::json!({ "level": name, "msg": text.0 });
+            if !case.is_empty() {
+                line["case"] = case.into();
+            }
             return writeln!(out, "{line}");
+        }
+        if !case.is_empty() {
+            text.0 = format!("{case}: {}", text.0);
         }
         let (start, end) = if self.colour { (colour, "\x1b[0m") } else { ("", "") };
         writeln!(out, "{start}{name}{end}: {}", clean(&text.0))

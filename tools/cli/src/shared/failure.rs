@@ -56,16 +56,26 @@ pub fn guard(run: impl FnOnce() -> Result<u8, Stop>) -> ExitCode {
         Ok(Ok(code)) => code,
         Ok(Err(Stop::Arguments(error))) => refuse_arguments(&error),
         Ok(Err(Stop::Failed(error))) => report(&error),
-        Err(_) => {
-            let what = PANIC.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
-            let message = format!("a fault in vgs itself: {}", what.unwrap_or_default());
-            report(&Error::new(Kind::Internal, "VGS-CLI-070", message).help(
-                "please report this message with the command and, if you can, the input; outputs that existed are \
-                 untouched",
-            ))
-        }
+        Err(_) => report(&fault()),
     };
     ExitCode::from(code)
+}
+
+/// Runs a part of a command that others go on after, with a panic turned into an error.
+///
+/// # Errors
+/// Those of `run`, and [`fault`].
+pub fn caught<T>(run: impl FnOnce() -> engine::Result<T>) -> engine::Result<T> {
+    panic::catch_unwind(AssertUnwindSafe(run)).unwrap_or_else(|_| Err(fault()))
+}
+
+/// Returns the error of a panic.
+pub fn fault() -> Error {
+    let what = PANIC.lock().unwrap_or_else(std::sync::PoisonError::into_inner).take();
+    let message = format!("a fault in vgs itself: {}", what.unwrap_or_default());
+    Error::new(Kind::Internal, "VGS-CLI-070", message).help(
+        "please report this message with the command and, if you can, the input; outputs that existed are untouched",
+    )
 }
 
 /// Refuses arguments that name standard input or output by a dash, as a file: vgs reads files again and at many places,
@@ -105,12 +115,17 @@ fn refuse_arguments(error: &clap::Error) -> u8 {
         let _ = error.print();
         return code;
     }
+    report_json(&of_arguments(error))
+}
+
+/// Returns the error of arguments that are wrong.
+pub fn of_arguments(error: &clap::Error) -> Error {
     let text = error.render().to_string();
     let mut parts = text.trim_start_matches("error: ").split("\n\n");
     let message = parts.next().unwrap_or_default().trim();
     let help = parts.collect::<Vec<_>>().join(" ");
     let help = help.split_whitespace().collect::<Vec<_>>().join(" ");
-    report_json(&Error::new(Kind::Usage, "VGS-CLI-001", message).help(help))
+    Error::new(Kind::Usage, "VGS-CLI-001", message).help(help)
 }
 
 /// Writes an error to stderr and returns its exit code.

@@ -4,6 +4,7 @@
 
 mod bake;
 mod code;
+mod images;
 mod model;
 mod paper;
 mod soak;
@@ -27,6 +28,7 @@ of the frame budget
   studies model *.ply --out DIR       what a standalone headset would take for a frame
   studies code ct.nii.gz --roi bones.nii.gz    bytes of a region with a bound on every voxel's error
   studies bake bones.ply      how near splats for other viewers come to the pictures of a fit
+  studies images ct.nii.gz --roi bones.nii.gz --fit bones.ply --fit-time 60    splats trained by pictures beside a fit
   studies soak --minutes 60           whether memory stays as it is"
 )]
 struct StudiesArguments {
@@ -47,6 +49,7 @@ enum Study {
     Model(model::ModelArguments),
     Bake(bake::BakeArguments),
     Code(code::CodeArguments),
+    Images(images::ImagesArguments),
     Soak(soak::SoakArguments),
 }
 
@@ -63,6 +66,7 @@ fn run(arguments: &StudiesArguments) -> Result<()> {
         Study::Model(a) => model::run(&Gpu::new(&options)?, a),
         Study::Bake(a) => bake::run(&Gpu::new(&options)?, a),
         Study::Code(a) => code::run(a),
+        Study::Images(a) => images::run(&Gpu::new(&options)?, a),
         Study::Soak(a) => soak::run(&options, a),
     }
 }

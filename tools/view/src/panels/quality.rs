@@ -79,7 +79,7 @@ fn mode_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
 fn step_row(ui: &mut Ui, state: &mut ViewState, info: &PanelInfo<'_>) {
     // What is seen of splats decides; a volume beside them follows.
     let of_splats = info.has(Subject::Splats) && (state.shown != Subject::Volume || state.split.is_some());
-    let mode = state::mode_row(if of_splats { state.mode.name } else { "volume" });
+    let mode = state::mode_row(state.mode_of(if of_splats { Subject::Splats } else { Subject::Volume }));
     let (unit_mm, suffix, help) = match mode.step_of {
         Some(StepOf::Samples) => (
             1.0,

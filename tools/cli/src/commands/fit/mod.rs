@@ -1,4 +1,4 @@
-//! Fits splats to the region of interest of a volume (`vgs fit`).
+//! Fits splats to the region of interest of a volume (`vgs fit`), or of many (`vgs batch`).
 //!
 //! | file | subject |
 //! |---|---|
@@ -12,8 +12,11 @@
 //! | `watch` | watches the fit: progress, signals; `checkpoint`: files written on the way |
 //! | `reporting` | the last stage: record, curve, printed figures |
 //! | `output_files` | the files that the fit writes |
+//! | `batch`, `cases` | many fits in one process, and the table of their cases |
 
 mod arguments;
+mod batch;
+mod cases;
 mod checkpoint;
 mod doubts;
 mod explain;
@@ -27,4 +30,5 @@ mod telling;
 mod watch;
 
 pub use arguments::FitArguments;
+pub use batch::{BatchArguments, run as batch};
 pub use run::run;

@@ -55,6 +55,8 @@ pub struct Prepared<'a> {
     pub checkpoints: Checkpoints,
     /// Device of the fit.
     pub gpu: Gpu,
+    /// What the splats are made of, of a fit in a batch.
+    pub made_of: Option<&'a str>,
     /// Options with which the splats are written.
     pub write: WriteOptions<'static>,
     /// Protocol of the closing evaluation, if there is one.
@@ -69,12 +71,15 @@ pub struct Prepared<'a> {
     pub before: Duration,
 }
 
-/// Boots the device and places the first splats, or reads the state of an interrupted fit.
+/// Places the first splats, or reads the state of an interrupted fit.
+#[allow(clippy::too_many_arguments)]
 pub fn prepare<'a>(
     arguments: &'a FitArguments,
     settings: &'a Settings,
     files: &'a OutputFiles,
     inputs: &'a Inputs,
+    gpu: Gpu,
+    made_of: Option<&'a str>,
     signals: &Signals,
     console: &Console,
     start: Instant,
@@ -90,7 +95,6 @@ pub fn prepare<'a>(
         write,
     )?;
     let interrupted = if arguments.checkpoint.resume { Some(checkpoints.read()?) } else { None };
-    let gpu = arguments.device.boot()?;
     let read_seconds = start.elapsed().as_secs_f64();
 
     let initialising = Instant::now();
@@ -129,6 +133,7 @@ pub fn prepare<'a>(
         plan,
         checkpoints,
         gpu,
+        made_of,
         write,
         protocol: (!arguments.no_eval).then_some(protocol),
         start,

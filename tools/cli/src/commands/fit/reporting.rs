@@ -20,14 +20,13 @@ use crate::shared::figures::{bytes, seconds};
 use crate::shared::memory::host_peak_bytes;
 use crate::shared::version::{COMMIT, NUMBER, VERSION};
 
-/// Writes the record and the curve of a fit, and prints its results.
+/// Writes the record and the curve of a fit, and returns its results.
 pub fn report(
     prepared: &Prepared<'_>,
     fitted: &Fitted,
     evaluated: &Evaluated,
     estimate: Option<Estimate>,
-    console: &Console,
-) -> Result<()> {
+) -> Result<FitResults> {
     let (arguments, files) = (prepared.arguments, &fitted.files);
     let timings = timings(prepared, fitted, evaluated, estimate.as_ref());
     let results = results(prepared, fitted, evaluated, &timings);
@@ -47,12 +46,24 @@ pub fn report(
         (&arguments.volume, prepared.case.volume.unit().text()),
         prepared.write.force,
     )?;
+    Ok(results)
+}
+
+/// Prints the results of a fit.
+pub fn tell(
+    prepared: &Prepared<'_>,
+    fitted: &Fitted,
+    evaluated: &Evaluated,
+    results: &FitResults,
+    console: &Console,
+) -> Result<()> {
     if console.json {
-        console.json_data(&results)?;
+        console.json_data(results)
     } else if !console.quiet {
-        console.data(&summary(&results, fitted, evaluated.evaluation.as_ref(), &arguments.output))?;
+        console.data(&summary(results, fitted, evaluated.evaluation.as_ref(), &prepared.arguments.output))
+    } else {
+        Ok(())
     }
-    Ok(())
 }
 
 /// Returns the times of the stages.
@@ -162,6 +173,7 @@ fn record<'a>(
         command: std::env::args_os().map(|a| a.to_string_lossy().into_owned()).collect(),
         end,
         error,
+        made_of: prepared.made_of,
         inputs: arguments.input_records()?,
         volume: VolumeRecord::of(&case.volume),
         roi: RoiRecord::of(&case.roi, &case.volume),

@@ -2,14 +2,16 @@
 
 use std::time::Instant;
 
-use engine::fit::End;
+use engine::fit::{End, Settings};
+use engine::gpu::Gpu;
 
 use super::arguments::FitArguments;
 use super::doubts;
 use super::output_files::OutputFiles;
 use super::prepare::{Inputs, prepare};
-use super::reporting::report;
+use super::reporting::{report, tell};
 use super::stages::{estimate, evaluate, fit};
+use crate::report::results::FitResults;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::signals::Signals;
@@ -17,23 +19,76 @@ use crate::shared::signals::Signals;
 /// Runs the command.
 pub fn run(arguments: &FitArguments, console: &Console) -> Result<u8, Stop> {
     let start = Instant::now();
-    let settings = arguments.settings.resolve(arguments.is_limited())?;
-    let files = OutputFiles::checked(arguments)?;
+    let checked = CheckedFit::new(arguments)?;
     let signals = Signals::install()?;
-    let _lock = files.lock(arguments, &signals)?;
-    let inputs = Inputs::read(arguments)?;
-    let settings = settings.for_volume(inputs.case().volume.is_ct());
-    doubts::tell(arguments, &settings, inputs.case(), console)?;
-    let (prepared, begin) = prepare(arguments, &settings, &files, &inputs, &signals, console, start)?;
-    let estimate = estimate(&prepared, &begin, console)?;
-    if arguments.dry_run {
-        return Ok(0);
+    match checked.run(Given::default(), &signals, console, start)? {
+        Some(Done { end: End::Failed(error), .. }) => Err(error.into()),
+        Some(Done { end: End::Stopped | End::Finished, .. }) => Ok(signals.exit_code().unwrap_or(0)),
+        None => Ok(0),
     }
-    let fitted = fit(&prepared, begin, &signals, console)?;
-    let evaluated = evaluate(&prepared, &fitted, &signals)?;
-    report(&prepared, &fitted, &evaluated, estimate, console)?;
-    match fitted.outcome.end {
-        End::Failed(error) => Err(error.into()),
-        End::Stopped | End::Finished => Ok(signals.exit_code().unwrap_or(0)),
+}
+
+/// A fit whose flags were checked.
+pub struct CheckedFit<'a> {
+    arguments: &'a FitArguments,
+    /// Hyper-parameters.
+    pub settings: Settings,
+    /// What it will write.
+    pub files: OutputFiles,
+}
+
+/// What a fit finds ready; it makes what is not.
+#[derive(Default)]
+pub struct Given<'a> {
+    pub gpu: Option<&'a Gpu>,
+    pub inputs: Option<Inputs>,
+    /// What the splats are made of, for the record.
+    pub made_of: Option<&'a str>,
+}
+
+/// A fit that was written.
+pub struct Done {
+    pub results: FitResults,
+    pub end: End,
+}
+
+impl<'a> CheckedFit<'a> {
+    /// Checks settings and outputs.
+    pub fn new(arguments: &'a FitArguments) -> engine::Result<Self> {
+        let settings = arguments.settings.resolve(arguments.is_limited())?;
+        Ok(CheckedFit { arguments, settings, files: OutputFiles::checked(arguments)? })
+    }
+
+    /// Fits, measures and writes; nothing is fitted for a dry run.
+    pub fn run(
+        self,
+        given: Given<'_>,
+        signals: &Signals,
+        console: &Console,
+        start: Instant,
+    ) -> engine::Result<Option<Done>> {
+        let CheckedFit { arguments, settings, files } = self;
+        let _lock = files.lock(arguments, signals)?;
+        let inputs = match given.inputs {
+            Some(inputs) => inputs,
+            None => Inputs::read(arguments)?,
+        };
+        let settings = settings.for_volume(inputs.case().volume.is_ct());
+        doubts::tell(arguments, &settings, inputs.case(), console)?;
+        let gpu = match given.gpu {
+            Some(gpu) => gpu.clone(),
+            None => arguments.device.boot()?,
+        };
+        let (prepared, begin) =
+            prepare(arguments, &settings, &files, &inputs, gpu, given.made_of, signals, console, start)?;
+        let estimate = estimate(&prepared, &begin, console)?;
+        if arguments.dry_run {
+            return Ok(None);
+        }
+        let fitted = fit(&prepared, begin, signals, console)?;
+        let evaluated = evaluate(&prepared, &fitted, signals)?;
+        let results = report(&prepared, &fitted, &evaluated, estimate)?;
+        tell(&prepared, &fitted, &evaluated, &results, console)?;
+        Ok(Some(Done { results, end: fitted.outcome.end }))
     }
 }

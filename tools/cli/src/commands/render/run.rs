@@ -7,8 +7,8 @@ use engine::fidelity::{self, ShownError};
 use engine::gpu::Gpu;
 use engine::image::{ColourBar, file};
 use engine::render::{
-    Camera, DecodeOptions, Intensities, Look, ModeRow, ObjectChange, Renderer, Scene, Settings, SplatKind,
-    UsualLook, VolumeSource, mode,
+    Camera, DecodeOptions, Intensities, Look, ModeRow, OF_VOLUMES, ObjectChange, Renderer, Scene, Settings,
+    SplatKind, UsualLook, VolumeSource, mode,
 };
 use engine::splat::{self, SplatSet};
 use engine::transfer::TransferFunction;
@@ -264,7 +264,7 @@ impl RenderArguments {
     }
 
     fn mode_row(&self) -> Result<&'static ModeRow> {
-        let name = self.mode.unwrap_or(if self.splats.is_empty() { "volume" } else { "decoded" });
+        let name = self.mode.unwrap_or(if self.splats.is_empty() { OF_VOLUMES } else { "decoded" });
         let row = mode(name)?;
         if row.of_splats && self.splats.is_empty() {
             return Err(Error::new(Kind::Usage, "VGS-CLI-090", format!("--mode {name} renders splats"))

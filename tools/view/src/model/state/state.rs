@@ -6,7 +6,7 @@
 use std::path::Path;
 
 use engine::error::{Error, Kind, Result};
-use engine::render::{Appearance, ClipPlane, DecodeOptions, Look, ObjectChange, PLANES};
+use engine::render::{Appearance, ClipPlane, DecodeOptions, Look, OF_VOLUMES, ObjectChange, PLANES};
 use engine::splat;
 use engine::transfer::{Light, TransferFunction};
 use engine::volume::edges::Edges;
@@ -386,7 +386,7 @@ impl ViewState {
     pub fn mode_of(&self, subject: Subject) -> &'static str {
         match subject {
             Subject::Splats | Subject::Beside => self.mode.name,
-            Subject::Volume => "volume",
+            Subject::Volume => OF_VOLUMES,
         }
     }
 

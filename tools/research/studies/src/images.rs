@@ -1,0 +1,303 @@
+//! `studies images`: splats trained from nothing by rendered pictures, as 3D Gaussian splatting is (Kerbl et al. 2023),
+//! beside a fit of as many splats to the voxels.
+//!
+//! All are held against mode `volume` on views that none was trained with, by the function that the pictures had and by
+//! another, which splats of fixed colours cannot follow.
+
+use std::fmt::Write as _;
+use std::ops::ControlFlow;
+use std::path::PathBuf;
+use std::time::Duration;
+
+use clap::Args;
+use engine::bake::{Options, Rates, Views, bake, pictures, train};
+use engine::gpu::Gpu;
+use engine::image::{Align, Image, WriteOptions, flip, line_height, psnr, ssim, write};
+use engine::render::{Look, OF_VOLUMES, Scene, VolumeSource};
+use engine::splat::harmonics::SH0;
+use engine::splat::{self, Harmonics, Splat, SplatSet};
+use engine::unit::Unit;
+use engine::volume::{self, LabelChoice, Roi, Volume};
+use engine::{Error, Kind, Result, output, transfer};
+use glam::DVec3;
+use rand::{RngExt, SeedableRng};
+use rand_pcg::Pcg64;
+
+/// Opacity of first splats (Kerbl et al. 2023).
+const FIRST_OPACITY: f32 = 0.1;
+/// First splats, in those at the end.
+const FIRST: f64 = 1.0 / 16.0;
+/// Gap around the pictures of the figure, pixels, and size of its letters.
+const GAP: usize = 8;
+const LETTERS: f32 = 18.0;
+
+/// Splats trained from nothing by rendered pictures, beside a fit to the voxels.
+#[derive(Args)]
+#[command(after_help = "\
+Example:
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply
+  studies images ct.nii.gz --roi bones.nii.gz --fit bones.ply --steps 7000 --fit-time 60 --figure images.png")]
+pub struct ImagesArguments {
+    /// The volume.
+    volume: PathBuf,
+    /// The mask of the region.
+    #[arg(long)]
+    roi: PathBuf,
+    /// A fit of both, as many splats as which are trained.
+    #[arg(long)]
+    fit: PathBuf,
+    /// Time that the fit took, s: as long are splats trained for the rows of equal time.
+    #[arg(long)]
+    fit_time: f64,
+    /// Transfer function of the pictures.
+    #[arg(long, default_value = "CT-Bone")]
+    function: String,
+    /// The other one.
+    #[arg(long, default_value = "CT-Soft-Tissue")]
+    other: String,
+    /// Pictures to train with (the paper: 500).
+    #[arg(long, default_value_t = 500)]
+    views: usize,
+    /// Pictures that only tell how good the splats are.
+    #[arg(long, default_value_t = 16)]
+    held_out: usize,
+    /// Width and height of all of them, pixels.
+    #[arg(long, default_value_t = 256)]
+    size: u32,
+    /// Steps of the rows that take more time.
+    #[arg(long, default_value_t = 7000)]
+    steps: u32,
+    /// File for the rows (CSV).
+    #[arg(long, default_value = "images.csv")]
+    out: PathBuf,
+    /// Picture of one view by both functions (PNG).
+    #[arg(long)]
+    figure: Option<PathBuf>,
+    /// Replaces both.
+    #[arg(long)]
+    force: bool,
+}
+
+/// Pictures of a way to show the volume, by its function and by the other one.
+struct Shown {
+    name: &'static str,
+    pictures: [Vec<Image>; 2],
+}
+
+/// Trains, renders and measures.
+///
+/// # Errors
+/// Those of reading, training and writing.
+pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
+    output::check_writable(&arguments.out, arguments.force)?;
+    let volume = Volume::read(&arguments.volume, &volume::ReadOptions::default())?;
+    let mask = Volume::read(&arguments.roi, &volume::ReadOptions::default())?;
+    let roi = Roi::from_mask(&mask, &LabelChoice::Whole, &volume)?;
+    let fit = splat::read(&arguments.fit, &splat::ReadOptions::default())?;
+    let range = fit.intensity_range().unwrap_or([0.0, 1.0]);
+    let mut looks = Vec::new();
+    for name in [&arguments.function, &arguments.other] {
+        let mut function = transfer::load(name, range)?;
+        function.material.shade = false;
+        looks.push(Look::new(function));
+    }
+    let source = VolumeSource { volume: &volume, roi: Some(&roi) };
+    let mut scene = Scene::new(gpu, None, Some(&source), &looks[0])?;
+    let views = |scene: &Scene, count, shift| {
+        Views::of_scene(gpu, scene, OF_VOLUMES, (count, shift), arguments.size, &mut |_| true)?
+            .ok_or_else(given_up)
+    };
+    let begun = std::time::Instant::now();
+    let trained = views(&scene, arguments.views, 0.0)?;
+    let pictures_s = begun.elapsed().as_secs_f64();
+    eprintln!("{} pictures of {1}x{1} in {pictures_s:.0} s", arguments.views, arguments.size);
+    let held_out = views(&scene, arguments.held_out, 0.5)?;
+    scene.set_look(&looks[1])?;
+    let changed = views(&scene, arguments.held_out, 0.5)?;
+    let truth = [held_out.pictures()?, changed.pictures()?];
+
+    let case = arguments.fit.file_stem().unwrap_or_default().to_string_lossy().into_owned();
+    let mut table =
+        "case,function,method,splats,bytes,steps,training_s,pictures,pictures_s,psnr_db,ssim,flip,\
+                     other_function,other_psnr_db\n"
+            .to_owned();
+    let mut shown = vec![Shown { name: "volume", pictures: truth.clone() }];
+    let mut row = |name: &'static str, set: &SplatSet, steps: u32, seconds: f64, both: [Vec<Image>; 2]| {
+        let pictures = if steps > 0 { arguments.views } else { 0 };
+        let [db, other_db] = [mean(psnr, &truth[0], &both[0])?, mean(psnr, &truth[1], &both[1])?];
+        let ssim = mean(ssim, &truth[0], &both[0])?;
+        let flip = mean(|a, b| Ok(flip(a, b)?.mean), &truth[0], &both[0])?;
+        let row = format!(
+            "{case},{},{name},{},{},{steps},{seconds:.0},{pictures},{:.0},{db:.2},{ssim:.3},{flip:.3},{},{other_db:.2}",
+            arguments.function,
+            set.splats.len(),
+            bytes(set)?,
+            if steps > 0 { pictures_s } else { 0.0 },
+            arguments.other,
+        );
+        println!("{row}");
+        let _ = writeln!(table, "{row}");
+        shown.push(Shown { name, pictures: both });
+        Result::Ok(())
+    };
+
+    let decoded = |i: usize| -> Result<Vec<Image>> {
+        let scene = Scene::new(gpu, Some(&fit), None, &looks[i])?;
+        held_out.of_same_cameras(gpu, &scene, "decoded")?.ok_or_else(given_up)?.pictures()
+    };
+    row("fit", &fit, 0, arguments.fit_time, [decoded(0)?, decoded(1)?])?;
+
+    let most = fit.splats.len();
+    let first = ((most as f64 * FIRST) as usize).max(1);
+    let long = Options {
+        views: arguments.views,
+        iterations: arguments.steps,
+        max_splats: Some(most),
+        rates: Rates::PUBLISHED,
+        ..Options::default()
+    };
+    let short = Options {
+        iterations: u32::MAX,
+        time_budget: Some(Duration::from_secs_f64(arguments.fit_time)),
+        ..long.clone()
+    };
+    let random = start(&held_out, None, &looks[0], first)?;
+    let sampled = start(&held_out, Some((&volume, &roi)), &looks[0], first)?;
+    let ways = [
+        ("3DGS, random start", &random, long.clone()),
+        ("3DGS, start in the region", &sampled, long.clone()),
+        ("3DGS, start in the region, equal time", &sampled, short.clone()),
+        (
+            "rates of bake, start in the region, equal time",
+            &sampled,
+            Options { rates: Rates::SHORT, ..short },
+        ),
+    ];
+    for (name, first, options) in ways {
+        let done = train(gpu, first.clone(), 0, [&trained, &held_out], &options, &mut |step, share| {
+            if step.is_multiple_of(500) {
+                eprintln!("{name}: {step} steps, {:.0} %", 100.0 * share);
+            }
+            ControlFlow::Continue(())
+        })?;
+        // Its colours are what they are.
+        let drawn = pictures(gpu, &done.set, &held_out)?;
+        row(name, &done.set, done.report.steps, done.report.training_s, [drawn.clone(), drawn])?;
+    }
+    let options = Options { max_splats: Some(most), ..Options::default() };
+    let baked = bake(gpu, &fit, &looks[0], &options, &mut |_| ControlFlow::Continue(()))?;
+    let drawn = pictures(gpu, &baked.set, &held_out)?;
+    let seconds = arguments.fit_time + baked.report.rendering_s + baked.report.training_s;
+    row("fit, then bake", &baked.set, baked.report.steps, seconds, [drawn.clone(), drawn])?;
+
+    output::write_atomic(&arguments.out, arguments.force, |file| file.write_all(table.as_bytes()))?;
+    if let Some(path) = &arguments.figure {
+        let options = WriteOptions { force: arguments.force, ..WriteOptions::default() };
+        write(path, &figure(&shown, [&arguments.function, &arguments.other]), None, &options)?;
+    }
+    Ok(())
+}
+
+fn given_up() -> Error {
+    Error::new(Kind::Internal, "VGS-BEN-064", "pictures that were given up")
+}
+
+/// Returns the mean of a measure over pairs of pictures.
+fn mean(measure: impl Fn(&Image, &Image) -> Result<f64>, a: &[Image], b: &[Image]) -> Result<f64> {
+    let found: Result<Vec<f64>> = a.iter().zip(b).map(|(a, b)| measure(a, b)).collect();
+    found.map(|found| found.iter().sum::<f64>() / found.len().max(1) as f64)
+}
+
+/// Returns the bytes of the smallest file that holds a set: `.vgs` with HU, `.spz` with colours.
+fn bytes(set: &SplatSet) -> Result<u64> {
+    let name = if set.colours.is_some() { "x.spz" } else { "x.vgs" };
+    splat::file_bytes(std::path::Path::new(name), set, &splat::WriteOptions::default())
+}
+
+/// Returns `count` first splats: at places of the region that the function shows, in its colours, or grey ones anywhere
+/// in the ball that the cameras look at.
+fn start(views: &Views, region: Option<(&Volume, &Roi)>, look: &Look, count: usize) -> Result<SplatSet> {
+    let mut random = Pcg64::seed_from_u64(0);
+    let (centre, radius) = views.ball;
+    let mut places: Vec<(DVec3, DVec3)> = Vec::new();
+    // Cubic mm that the places are drawn from.
+    let room = match region {
+        Some((volume, roi)) => {
+            let [nx, ny, _] = volume.size;
+            let place = |i: usize| DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64);
+            let shown =
+                |&i: &usize| roi.weight[i] > 0.5 && look.transfer.at(f64::from(volume.samples[i])).1 > 0.0;
+            let seen: Vec<usize> = (0..volume.len()).filter(shown).collect();
+            if seen.is_empty() {
+                return Err(Error::new(
+                    Kind::NothingToDo,
+                    "VGS-BEN-065",
+                    "the function shows nothing of the region",
+                ));
+            }
+            for _ in 0..count {
+                let i = seen[random.random_range(0..seen.len())];
+                let jitter = DVec3::from_array(std::array::from_fn(|_| random.random_range(-0.5..0.5)));
+                let at = volume.world_from_voxel.transform_point3(place(i) + jitter);
+                places.push((at, look.transfer.at(f64::from(volume.samples[i])).0));
+            }
+            seen.len() as f64 * volume.spacing_mm().element_product()
+        }
+        None => {
+            while places.len() < count {
+                let at = DVec3::from_array(std::array::from_fn(|_| random.random_range(-1.0..1.0)));
+                if at.length() <= 1.0 {
+                    places.push((centre + radius * at, DVec3::splat(0.5)));
+                }
+            }
+            4.0 / 3.0 * std::f64::consts::PI * radius.powi(3)
+        }
+    };
+    // The mean distance to the nearest other one of as many points (Hertz 1909), as good as that to the nearest three.
+    let sigma = (0.554 * (room / count as f64).cbrt()).ln() as f32;
+    let origin_mm = centre.round();
+    let mut set = SplatSet { origin_mm, unit: Unit::Luminance, ..SplatSet::default() };
+    let mut coefficients = Vec::new();
+    for (at, colour) in places {
+        let logit = (FIRST_OPACITY / (1.0 - FIRST_OPACITY)).ln();
+        set.splats.push(Splat {
+            mean: (at - origin_mm).as_vec3().to_array(),
+            rotation: [1.0, 0.0, 0.0, 0.0],
+            log_scale: [sigma; 3],
+            opacity_logit: logit,
+            ..Splat::default()
+        });
+        coefficients.extend(colour.to_array().map(|c| (c as f32 - 0.5) / SH0));
+    }
+    set.colours = Some(Harmonics { degree: 0, coefficients });
+    Ok(set)
+}
+
+/// Returns the first view of the ways that are worth a look, in a row for each function.
+fn figure(shown: &[Shown], functions: [&str; 2]) -> Image {
+    const SEEN: [(&str, &str); 4] = [
+        ("volume", "the CT"),
+        ("fit", "splats fitted to voxels"),
+        ("3DGS, start in the region", "3DGS by pictures"),
+        ("3DGS, random start", "3DGS, random start"),
+    ];
+    let [width, height] = shown[0].pictures[0][0].size;
+    let line = line_height(LETTERS);
+    let size = [SEEN.len() * (width + GAP) + GAP, GAP + line + 2 * (height + line + GAP)];
+    let mut out = Image::new(size, [1.0; 4]);
+    for (column, (name, title)) in SEEN.into_iter().enumerate() {
+        let left = GAP + column * (width + GAP);
+        out.text([left + width / 2, GAP], LETTERS, Align::Middle, [0.0; 3], title);
+        let Some(way) = shown.iter().find(|way| way.name == name) else { continue };
+        for (row, pictures) in way.pictures.iter().enumerate() {
+            let top = GAP + line + row * (height + line + GAP);
+            if column == 0 {
+                out.text([left, top], LETTERS, Align::Left, [0.3; 3], functions[row]);
+            }
+            for (i, &[r, g, b, _]) in pictures[0].pixels.iter().enumerate() {
+                out.put(left + i % width, top + line + i / width, [r, g, b]);
+            }
+        }
+    }
+    out
+}
