@@ -62,7 +62,7 @@ pub(super) struct Moving<'a> {
 
 impl VoxelObjective {
     /// Samples the targets, and makes room for `counts` splats.
-    #[allow(clippy::too_many_arguments)]
+    #[expect(clippy::too_many_arguments, reason = "what a fit is made of, at its one place")]
     pub fn new(
         gpu: &Gpu,
         volume: &Volume,

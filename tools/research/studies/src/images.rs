@@ -25,8 +25,6 @@ use rand_pcg::Pcg64;
 
 /// Opacity of first splats (Kerbl et al. 2023).
 const FIRST_OPACITY: f32 = 0.1;
-/// First splats, in those at the end.
-const FIRST: f64 = 1.0 / 16.0;
 /// Gap around the pictures of the figure, pixels, and size of its letters.
 const GAP: usize = 8;
 const LETTERS: f32 = 18.0;
@@ -148,7 +146,6 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
     row("fit", &fit, 0, arguments.fit_time, [decoded(0)?, decoded(1)?])?;
 
     let most = fit.splats.len();
-    let first = ((most as f64 * FIRST) as usize).max(1);
     let long = Options {
         views: arguments.views,
         iterations: arguments.steps,
@@ -161,8 +158,8 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
         time_budget: Some(Duration::from_secs_f64(arguments.fit_time)),
         ..long.clone()
     };
-    let random = start(&held_out, None, &looks[0], first)?;
-    let sampled = start(&held_out, Some((&volume, &roi)), &looks[0], first)?;
+    let random = start(held_out.ball, None, &looks[0], most)?;
+    let sampled = start(held_out.ball, Some((&volume, &roi)), &looks[0], most)?;
     let ways = [
         ("3DGS, random start", &random, long.clone()),
         ("3DGS, start in the region", &sampled, long.clone()),
@@ -216,9 +213,13 @@ fn bytes(set: &SplatSet) -> Result<u64> {
 
 /// Returns `count` first splats: at places of the region that the function shows, in its colours, or grey ones anywhere
 /// in the ball that the cameras look at.
-fn start(views: &Views, region: Option<(&Volume, &Roi)>, look: &Look, count: usize) -> Result<SplatSet> {
+fn start(
+    (centre, radius): (DVec3, f64),
+    region: Option<(&Volume, &Roi)>,
+    look: &Look,
+    count: usize,
+) -> Result<SplatSet> {
     let mut random = Pcg64::seed_from_u64(0);
-    let (centre, radius) = views.ball;
     let mut places: Vec<(DVec3, DVec3)> = Vec::new();
     // Cubic mm that the places are drawn from.
     let room = match region {
@@ -300,4 +301,38 @@ fn figure(shown: &[Shown], functions: [&str; 2]) -> Image {
         }
     }
     out
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, Vec3};
+
+    use super::*;
+
+    #[test]
+    fn first_splats_lie_in_the_region_that_is_shown_or_anywhere_in_the_ball() {
+        let function = transfer::load("CT-Bone", [-1000.0, 1000.0]).expect("a preset");
+        let look = Look::new(function);
+        // Bone in the upper half of the region, which is the left half of the volume.
+        let size = [8, 8, 8];
+        let samples = (0..512).map(|i| if i / 64 >= 4 { 900.0 } else { -900.0 }).collect();
+        let volume = Volume::new(size, DAffine3::IDENTITY, samples);
+        let weight = (0..512).map(|i| f32::from(u8::from(i % 8 < 4))).collect();
+        let roi = Roi::new(weight, &volume).expect("a region");
+        let ball = (DVec3::splat(3.5), 7.0);
+        let mean = |set: &SplatSet, splat: &Splat| Vec3::from_array(splat.mean).as_dvec3() + set.origin_mm;
+        let of_region = start(ball, Some((&volume, &roi)), &look, 200).expect("splats");
+        for splat in &of_region.splats {
+            let at = mean(&of_region, splat);
+            assert!(at.x <= 3.5 && at.z >= 3.5, "{at}");
+        }
+        let anywhere = start(ball, None, &look, 200).expect("splats");
+        assert!(anywhere.splats.iter().all(|splat| mean(&anywhere, splat).distance(ball.0) < 7.5));
+        let above = anywhere.splats.iter().filter(|splat| mean(&anywhere, splat).z > 3.5).count();
+        assert!((60..140).contains(&above), "{above} of 200 in one half");
+        assert_eq!(anywhere.colours.expect("colours").coefficients, [0.0; 600], "grey");
+        let dark =
+            Roi::new((0..512).map(|i| f32::from(u8::from(i < 64))).collect(), &volume).expect("a region");
+        assert_eq!(start(ball, Some((&volume, &dark)), &look, 9).expect_err("nothing").code, "VGS-BEN-065");
+    }
 }

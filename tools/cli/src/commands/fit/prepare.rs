@@ -72,7 +72,7 @@ pub struct Prepared<'a> {
 }
 
 /// Places the first splats, or reads the state of an interrupted fit.
-#[allow(clippy::too_many_arguments)]
+#[expect(clippy::too_many_arguments, reason = "what a fit is made of, at its one place")]
 pub fn prepare<'a>(
     arguments: &'a FitArguments,
     settings: &'a Settings,
