@@ -51,6 +51,7 @@ fn a_broken_case_costs_itself_alone_and_what_is_done_stays() {
     );
     assert_eq!([&told[0]["iterations"], &told[4]["iterations"]], [24, 12], "a row's flag comes first");
     assert_eq!(told[0]["splats"], 60);
+    assert!(told.iter().all(|line| line["total_seconds"].as_f64().is_some_and(|s| s >= 0.0)));
 
     // The same splats as alone.
     folder.run(&crate::support::fit("alone.ply", &[]));
@@ -90,13 +91,8 @@ fn the_same_content_at_another_place_is_the_same_case() {
     folder.write("moved.nii.gz", folder.read("ct.nii.gz"));
     folder.write("cases.csv", "name,volume,roi\na,moved.nii.gz,mask.nii.gz\n");
     assert_eq!(states(&lines(&folder.run(&batch(&[])).out)), ["present"]);
-    let mut changed = folder.read("mask.nii.gz");
-    folder.run(&["phantom", "-o", "other", "--size", "16", "--seed", "2"]);
-    let other = folder.path("other/mask.nii.gz");
-    if other.exists() {
-        changed = std::fs::read(other).expect("a mask");
-    }
-    folder.write("mask.nii.gz", changed);
+    let other = Folder::with_seed(16, 2);
+    folder.write("mask.nii.gz", other.read("mask.nii.gz"));
     let told = lines(&folder.run(&batch(&[])).out);
     assert_eq!(told[0]["error"]["code"], "VGS-CLI-183", "another mask: {}", told[0]);
 }
@@ -144,6 +140,13 @@ fn a_signal_and_a_kill_leave_whole_cases_and_the_next_run_goes_on() {
         }
         assert!(begun.exists(), "the first case begins");
         std::thread::sleep(Duration::from_millis(1500));
+        if signal == "TERM" {
+            // Another process keeps away from a case that is being fitted.
+            let other = folder.run(&batch(&["--shard", "1/3"]));
+            assert_eq!(other.code, 75, "{}", other.out);
+            assert_eq!(lines(&other.out)[0]["error"]["code"], "VGS-CLI-011", "{}", other.out);
+            assert!(begun.exists(), "what another process fits is not whole");
+        }
         let id = child.id().to_string();
         std::process::Command::new("kill").args(["-s", signal, &id]).status().expect("kill");
         let ended = finish(child);

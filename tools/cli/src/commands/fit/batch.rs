@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use clap::{Args, FromArgMatches};
 use engine::fit::End;
 use engine::gpu::Gpu;
-use engine::{Error, Kind, Result, output};
+use engine::{Error, Kind, Result};
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
@@ -114,7 +114,8 @@ enum State {
 struct Line<'a> {
     case: &'a str,
     state: State,
-    seconds: f64,
+    /// With reading and starting the device.
+    total_seconds: f64,
     #[serde(skip_serializing_if = "Option::is_none")]
     error: Option<LineError>,
     #[serde(flatten, skip_serializing_if = "Option::is_none")]
@@ -244,7 +245,10 @@ fn made_of(arguments: &FitArguments, line: &[OsString]) -> Result<String> {
     let settings = arguments.settings.resolve(arguments.is_limited())?;
     // Where the inputs are does not count, only what they hold.
     let paths: Vec<&Path> = arguments.inputs();
-    let is_path = |text: &str| paths.iter().any(|path| text.ends_with(&*path.to_string_lossy()));
+    let is_path = |text: &str| {
+        let value = text.strip_prefix("--roi=").unwrap_or(text);
+        paths.iter().any(|path| path.to_string_lossy() == value)
+    };
     let flags: Vec<String> =
         line.iter().map(|flag| flag.to_string_lossy().into_owned()).filter(|flag| !is_path(flag)).collect();
     let hashes: Vec<(&str, &str)> =
@@ -288,8 +292,8 @@ impl Batch<'_> {
         };
         let splats = self.arguments.splats(case);
         let begun = begun_file(&splats);
-        output::write_atomic(&begun, true, |file| file.write_all(made_of.as_bytes()))?;
-        let given = Given { gpu: Some(&gpu), inputs: Some(inputs), made_of: Some(&made_of) };
+        let given =
+            Given { gpu: Some(&gpu), inputs: Some(inputs), made_of: Some(&made_of), begun: Some(&begun) };
         let _named = console::about_case(&case.name);
         let done = failure::caught(|| {
             let checked = CheckedFit::new(&arguments)?;
@@ -313,7 +317,10 @@ impl Batch<'_> {
         if result.as_ref().err().is_none_or(|error| !is_of_device(error.kind)) {
             self.gpu = Some(gpu);
         }
-        let _ = fs::remove_file(begun);
+        // That of a case that another process fits is not ours.
+        if result.as_ref().err().is_none_or(|error| error.kind != Kind::Temporary) {
+            let _ = fs::remove_file(begun);
+        }
         result
     }
 
@@ -336,7 +343,8 @@ impl Batch<'_> {
                 help: error.help.to_string(),
                 msg: error.message,
             });
-            return self.console.json_data(&Line { case: &case.name, state, seconds: took, error, results });
+            let line = Line { case: &case.name, state, total_seconds: took, error, results };
+            return self.console.json_data(&line);
         }
         if self.console.quiet && error.is_none() {
             return Ok(());

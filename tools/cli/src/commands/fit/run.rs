@@ -1,9 +1,11 @@
 //! Runs `vgs fit`, stage by stage: prepare, estimate, fit, evaluate, report.
 
+use std::path::Path;
 use std::time::Instant;
 
 use engine::fit::{End, Settings};
 use engine::gpu::Gpu;
+use engine::output;
 
 use super::arguments::FitArguments;
 use super::doubts;
@@ -44,6 +46,8 @@ pub struct Given<'a> {
     pub inputs: Option<Inputs>,
     /// What the splats are made of, for the record.
     pub made_of: Option<&'a str>,
+    /// A file to make once the outputs are locked: while it is there, they are not whole.
+    pub begun: Option<&'a Path>,
 }
 
 /// A fit that was written.
@@ -69,6 +73,10 @@ impl<'a> CheckedFit<'a> {
     ) -> engine::Result<Option<Done>> {
         let CheckedFit { arguments, settings, files } = self;
         let _lock = files.lock(arguments, signals)?;
+        if let Some(begun) = given.begun {
+            let what = given.made_of.unwrap_or_default();
+            output::write_atomic(begun, true, |file| file.write_all(what.as_bytes()))?;
+        }
         let inputs = match given.inputs {
             Some(inputs) => inputs,
             None => Inputs::read(arguments)?,
