@@ -35,7 +35,7 @@ use crate::shared::waiting;
 #[command(after_help = EXAMPLES)]
 pub struct BatchArguments {
     /// A table (CSV) with the column volume and, as they are needed, name, roi and any other flag of vgs fit; or a folder
-    /// in BIDS' layout, of which each mask is a case with its scan
+    /// in BIDS' layout, of which each mask is a case with its scan, of a label map with all labels
     #[arg(value_name = "CASES.csv|FOLDER")]
     cases: PathBuf,
     /// Folder for the outputs; it is made if there is none
@@ -199,8 +199,7 @@ impl BatchArguments {
     /// Parses the flags of a case, sees whether it is done, and reads its inputs if it is not.
     fn ready(&self, case: &Case) -> Result<Ready> {
         let splats = self.splats(case);
-        let mut line = self.flags.clone();
-        line.extend(case.arguments.iter().cloned());
+        let line = [&case.usual[..], &self.flags, &case.arguments].concat();
         let mut own = vec![OsString::from("-o"), splats.clone().into()];
         let remains = begun_file(&splats).exists();
         if self.force || remains {

@@ -13,13 +13,16 @@ use super::arguments::FitArguments;
 /// Flags that are the batch's own.
 const OURS: [&str; 7] = ["output", "force", "resume", "dry-run", "explain", "device", "checkpoint-every"];
 /// Suffixes of masks in BIDS' layout: of one structure, and of labels.
-const MASKS: [&str; 2] = ["mask", "dseg"];
+const MASKS: [&str; 2] = ["mask", LABELS];
+const LABELS: &str = "dseg";
 
 /// A case of a batch.
 #[derive(Debug, PartialEq)]
 pub struct Case {
     /// Name of its outputs.
     pub name: String,
+    /// Flags that those of the batch come before.
+    pub usual: Vec<OsString>,
     /// Arguments of its fit, but for the output.
     pub arguments: Vec<OsString>,
 }
@@ -100,7 +103,7 @@ fn of_table(path: &Path) -> Result<Vec<Case>> {
             return Err(bad(path, format!("line {line}: {name:?} cannot be the name of a file")));
         }
         arguments.push(volume.into());
-        cases.push(Case { name, arguments });
+        cases.push(Case { name, usual: Vec::new(), arguments });
     }
     Ok(cases)
 }
@@ -185,7 +188,9 @@ fn of_bids(root: &Path) -> Result<Vec<Case>> {
             if parts(mask_stem).is_some_and(|(all, _)| all.is_superset(&entities)) {
                 let mut roi = OsString::from("--roi=");
                 roi.push(mask);
-                cases.push(Case { name: (*mask_stem).clone(), arguments: vec![roi, scan.into()] });
+                let is_labels = mask_stem.ends_with(LABELS);
+                let usual = if is_labels { vec!["--roi-label=all".into()] } else { Vec::new() };
+                cases.push(Case { name: (*mask_stem).clone(), usual, arguments: vec![roi, scan.into()] });
             }
         }
     }
@@ -284,6 +289,8 @@ mod tests {
         let names: Vec<&str> = cases.iter().map(|case| case.name.as_str()).collect();
         assert_eq!(names, ["sub-01_dseg", "sub-01_label-bones_mask", "sub-02_ses-2_dseg"]);
         assert!(cases[2].arguments[1].to_string_lossy().ends_with("sub-02_ses-2_ct.nii"), "its own session");
+        let usual: Vec<usize> = cases.iter().map(|case| case.usual.len()).collect();
+        assert_eq!(usual, [1, 0, 1], "all labels of a label map, where none are chosen");
         let empty = tempfile::tempdir().expect("a folder");
         assert_eq!(read(empty.path()).expect_err("nothing").code, "VGS-CLI-181");
     }
