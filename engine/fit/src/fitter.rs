@@ -1,7 +1,7 @@
 //! A fit in progress, on the device.
 //!
-//! [`Fitter::step`] records one iteration for the device: the error at the voxels (`voxels`), and Adam. What happens between iterations (splats are added, removed and moved, intensities
-//! are sampled) is in `pause`. Inside, lengths are voxels, positions count from the first voxel of the brick
+//! [`Fitter::step`] records one iteration for the device: the error at the voxels (`voxels`), and Adam. What
+//! happens between iterations (splats are added, removed and moved, intensities are sampled) is in `pause`. Inside, lengths are voxels, positions count from the first voxel of the brick
 //! grid, and intensities are relative to the background in spans of the HU range ([`Scaling`]).
 
 use std::collections::VecDeque;

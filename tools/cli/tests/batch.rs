@@ -160,5 +160,19 @@ fn a_signal_and_a_kill_leave_whole_cases_and_the_next_run_goes_on() {
         assert!(!folder.path("out/a.run.json").exists());
         let again = lines(&folder.run(&batch(&[])).out);
         assert_eq!(states(&again), ["done", "done", "done"], "after {signal}: {again:?}");
+        if signal == "TERM" {
+            // A stop keeps what was done before, also where it was to be replaced.
+            let before = folder.contents();
+            let mut forced = long.to_vec();
+            forced.insert(4, "--force");
+            let child = folder.start(&forced);
+            std::thread::sleep(Duration::from_millis(2500));
+            std::process::Command::new("kill")
+                .args(["-s", signal, &child.id().to_string()])
+                .status()
+                .expect("kill");
+            assert_eq!(finish(child).code, 143);
+            assert!(folder.contents() == before, "nothing is lost, and nothing left behind");
+        }
     }
 }

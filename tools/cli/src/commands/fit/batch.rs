@@ -295,19 +295,16 @@ impl Batch<'_> {
             Given { gpu: Some(&gpu), inputs: Some(inputs), made_of: Some(&made_of), begun: Some(&begun) };
         let _named = console::about_case(&case.name);
         let done = failure::caught(|| {
-            let checked = CheckedFit::new(&arguments)?;
-            let list: Vec<PathBuf> = checked.files.list().iter().map(|path| path.to_path_buf()).collect();
-            let done = checked.run(given, self.signals, &Console::silent(), Instant::now())?;
-            Ok((done, list))
+            CheckedFit::new(&arguments)?.run(given, self.signals, &Console::silent(), Instant::now())
         });
         let result = match done {
-            Ok((Some(done), list)) => match done.end {
+            Ok(Some(done)) => match done.end {
                 End::Finished => Ok((State::Done, Some(done.results))),
-                // Whole cases only.
-                End::Stopped => remove(&list, &splats).map(|()| (State::Stopped, None)),
-                End::Failed(error) => remove(&list, &splats).and(Err(error)),
+                // Whole cases only; what was done before stays, as such a fit writes beside it.
+                End::Stopped => remove(&done.results, &splats).map(|()| (State::Stopped, None)),
+                End::Failed(error) => remove(&done.results, &splats).and(Err(error)),
             },
-            Ok((None, _)) => Err(failure::fault()),
+            Ok(None) => Err(failure::fault()),
             // A signal before the first iteration.
             Err(_) if self.signals.exit_code().is_some() => Ok((State::Stopped, None)),
             Err(error) => Err(error),
@@ -388,9 +385,9 @@ fn is_of_device(kind: Kind) -> bool {
 }
 
 /// Removes what a case has written that did not finish.
-fn remove(outputs: &[PathBuf], splats: &Path) -> Result<()> {
+fn remove(results: &FitResults, splats: &Path) -> Result<()> {
     let state = checkpoint::state_path(splats);
-    for path in outputs.iter().chain([&state]) {
+    for path in results.outputs.iter().map(Path::new).chain([state.as_path()]) {
         match fs::remove_file(path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => {
                 return Err(Error::io(path, "removing what did not finish", &e));

@@ -33,10 +33,8 @@ pub fn run(arguments: &FitArguments, console: &Console) -> Result<u8, Stop> {
 /// A fit whose flags were checked.
 pub struct CheckedFit<'a> {
     arguments: &'a FitArguments,
-    /// Hyper-parameters.
-    pub settings: Settings,
-    /// What it will write.
-    pub files: OutputFiles,
+    settings: Settings,
+    files: OutputFiles,
 }
 
 /// What a fit finds ready; it makes what is not.
