@@ -13,7 +13,7 @@ use glam::DVec3;
 use serde::Serialize;
 use sha2::{Digest, Sha256};
 
-use super::flags::{Range, bytes, pair, spacing, unit};
+use super::flags::{Range, bytes, pair, spacing, unit, voxels};
 use super::padding::Padding;
 use super::waiting::Waiting;
 
@@ -31,6 +31,13 @@ pub struct ReadArguments {
     /// Which volume of a series (4-D file), counted from 0
     #[arg(long, value_name = "N")]
     pub volume_index: Option<usize>,
+    /// Which resolution of an OME-Zarr image, from 0, the finest and the default; `vgs info` lists them
+    #[arg(long, value_name = "N")]
+    pub level: Option<usize>,
+    /// Only these voxels, as 0:512,100:400,0:90 along x, y and z, up to the one before the last number; of a file that is
+    /// not compressed, and of chunks, no others are read
+    #[arg(long, value_name = "X:X,Y:Y,Z:Z", value_parser = voxels)]
+    pub voxels: Option<[[usize; 2]; 3]>,
     /// Which series of a DICOM folder: its number in `vgs info`, its UID, or a part of its description
     #[arg(long, value_name = "N|TEXT")]
     pub series: Option<String>,
@@ -56,6 +63,8 @@ impl ReadArguments {
         ReadOptions {
             max_bytes: self.max_bytes.unwrap_or(default.max_bytes),
             volume_index: self.volume_index,
+            level: self.level,
+            voxels: self.voxels,
             series: self.series.clone(),
             lenient: self.lenient,
             spacing_mm: self.voxel_mm,

@@ -8,7 +8,7 @@ use engine::splat::{self, LabelCount, Summary};
 use engine::unit::Unit;
 use engine::volume::dicom::{self, StackSummary, Structure};
 use engine::volume::nifti::{self, Header};
-use engine::volume::{Format, LabelChoice, PresentLabel, ReadOptions, Roi, Stats, Volume, inv3};
+use engine::volume::{self, Format, LabelChoice, Level, PresentLabel, ReadOptions, Roi, Stats, Volume, inv3};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
@@ -54,6 +54,9 @@ enum FileContent {
         format: Option<&'static str>,
         #[serde(flatten)]
         header: Option<Box<Header>>,
+        /// Resolutions of a file that has several, finest first.
+        #[serde(skip_serializing_if = "Vec::is_empty")]
+        levels: Vec<Level>,
         /// Series of a DICOM folder.
         #[serde(skip_serializing_if = "Vec::is_empty")]
         series: Vec<StackSummary>,
@@ -142,6 +145,7 @@ fn read_content(path: &Path, read: &ReadArguments, of: Option<&Volume>) -> Resul
         return Ok(FileContent::Volume {
             format: None,
             header,
+            levels: Vec::new(),
             series: Vec::new(),
             structures: Vec::new(),
             present: None,
@@ -152,18 +156,30 @@ fn read_content(path: &Path, read: &ReadArguments, of: Option<&Volume>) -> Resul
     if header.as_ref().is_some_and(|h| h.dims.iter().skip(3).product::<usize>() > 1) {
         options.volume_index = options.volume_index.or(Some(0));
     }
+    let levels = volume::levels(path)?;
+    if !levels.is_empty() && options.level.is_none() {
+        options.level = readable(&levels, options.max_bytes);
+    }
     let volume = Volume::read(path, &options).map_err(|e| not_splats_either(e, path))?;
     let format = if header.is_some() { None } else { Some(Format::of(path, &options)?.name) };
     let structures = if header.is_some() { Vec::new() } else { labels_of(&volume) };
     Ok(FileContent::Volume {
         format,
         header,
+        levels,
         series: Vec::new(),
         structures,
         present: present(&volume, of, path)?,
         unit: of.map_or("", |of| of.unit().text()),
         voxels: Some(Voxels::of(&volume)),
     })
+}
+
+/// Returns the finest resolution that may be read; `None` if there is none.
+fn readable(levels: &[Level], max_bytes: u64) -> Option<usize> {
+    let bytes =
+        |level: &Level| level.size.iter().fold(4, |bytes: u64, &side| bytes.saturating_mul(side as u64));
+    levels.iter().position(|level| bytes(level) <= max_bytes)
 }
 
 /// Returns the labels that voxels of a file have, if it is a mask of labels.
@@ -195,6 +211,7 @@ fn dicom_content(
         return Ok(FileContent::Volume {
             format: Some(format),
             header: None,
+            levels: Vec::new(),
             series: Vec::new(),
             structures,
             present: mask.as_ref().map(|mask| present(mask, of, path)).transpose()?.flatten(),
@@ -216,6 +233,7 @@ fn dicom_content(
     Ok(FileContent::Volume {
         format: Some(format),
         header: None,
+        levels: Vec::new(),
         series,
         structures: Vec::new(),
         present: None,
@@ -274,7 +292,8 @@ fn text(content: &FileContent) -> Lines {
     let mut out = Lines(String::new());
     match content {
         FileContent::Splats(summary) => splat_lines(summary, &mut out),
-        FileContent::Volume { format, header, series, structures, present, unit, voxels } => {
+        FileContent::Volume { format, header, levels, series, structures, present, unit, voxels } => {
+            level_lines(levels, &mut out);
             let named: Vec<String> = match header {
                 Some(h) => h.labels.iter().map(|(number, name)| format!("{number} {name}")).collect(),
                 None => structures.iter().map(|s| format!("{} {}", s.number, s.name)).collect(),
@@ -382,6 +401,15 @@ fn volume_lines(
     }
     for note in &h.notes {
         out.add("note", note);
+    }
+}
+
+/// Lists the resolutions of a file.
+fn level_lines(levels: &[Level], out: &mut Lines) {
+    for (number, level) in levels.iter().enumerate() {
+        let chunk = format!("chunks of {}", joined(&level.chunk, " x "));
+        let (size, spacing) = (joined(&level.size, " x "), rounded(&level.spacing_mm));
+        out.add(&format!("level {number}"), format!("{size} voxels, {spacing} mm, {chunk}"));
     }
 }
 
