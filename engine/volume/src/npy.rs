@@ -127,7 +127,7 @@ fn transposed(
     let mut samples = reserve_samples(layout.voxels, options.max_bytes)?;
     samples.resize(layout.voxels, 0.0);
     let [mut x, mut y, mut z] = [0, 0, 0];
-    payload.each(layout, false, options, &mut |sample| {
+    payload.each(layout, false, options, |sample| {
         if let Some(place) = samples.get_mut(x + x_size * (y + y_size * z)) {
             *place = sample;
         }

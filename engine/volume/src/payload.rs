@@ -81,6 +81,11 @@ impl Layout {
         Ok(Layout { element, big_endian, voxels, volumes, chosen, run: run.max(1), scaling: None })
     }
 
+    /// Returns the number of volumes in the file.
+    pub fn volumes(&self) -> usize {
+        self.volumes
+    }
+
     /// Returns the index of the volume that is read.
     pub fn chosen(&self) -> usize {
         self.chosen
@@ -379,7 +384,7 @@ impl Payload {
     pub fn samples(self, layout: &Layout, is_text: bool, options: &ReadOptions) -> Result<Vec<f32>> {
         self.expect_numbers(layout, is_text, options)?;
         let mut samples = reserve_samples(layout.voxels, options.max_bytes)?;
-        self.each(layout, is_text, options, &mut |sample| samples.push(sample))?;
+        self.each(layout, is_text, options, |sample| samples.push(sample))?;
         Ok(samples)
     }
 
@@ -395,7 +400,7 @@ impl Payload {
         layout: &Layout,
         is_text: bool,
         options: &ReadOptions,
-        each: &mut dyn FnMut(f32),
+        each: impl FnMut(f32),
     ) -> Result<()> {
         self.expect_numbers(layout, is_text, options)?;
         let mut sieve = Sieve { layout, at: 0, taken: Taken::new(layout, each) };
@@ -408,7 +413,7 @@ impl Payload {
         self.finish(options.max_bytes)
     }
 
-    fn read_binary(&mut self, sieve: &mut Sieve) -> Result<()> {
+    fn read_binary(&mut self, sieve: &mut Sieve<impl FnMut(f32)>) -> Result<()> {
         let layout = sieve.layout;
         let width = layout.element.bytes;
         let mut block = vec![0; layout.numbers().min(BLOCK as u64) as usize * width];
@@ -431,7 +436,7 @@ impl Payload {
     }
 
     /// Reads numbers as text, with white space or commas between them.
-    fn read_text(&mut self, sieve: &mut Sieve) -> Result<()> {
+    fn read_text(&mut self, sieve: &mut Sieve<impl FnMut(f32)>) -> Result<()> {
         let layout = sieve.layout;
         let mut block = vec![0; BLOCK];
         let mut word = Vec::new();
@@ -480,14 +485,14 @@ impl Payload {
 }
 
 /// Takes the values of a file one by one and keeps those of the volume that is read.
-struct Sieve<'a> {
+struct Sieve<'a, F> {
     layout: &'a Layout,
     /// Number of values taken.
     at: u64,
-    taken: Taken<'a>,
+    taken: Taken<'a, F>,
 }
 
-impl Sieve<'_> {
+impl<F: FnMut(f32)> Sieve<'_, F> {
     fn take(&mut self, stored: f64) {
         if self.layout.is_wanted(self.at) {
             self.taken.take(stored);
@@ -497,9 +502,9 @@ impl Sieve<'_> {
 }
 
 /// Makes samples of stored values and passes them to `each`.
-pub(super) struct Taken<'a> {
+pub(super) struct Taken<'a, F> {
     layout: &'a Layout,
-    each: &'a mut dyn FnMut(f32),
+    each: F,
     /// Number of values.
     count: usize,
     inexact: usize,
@@ -507,8 +512,8 @@ pub(super) struct Taken<'a> {
     overflow: Option<(usize, f64)>,
 }
 
-impl<'a> Taken<'a> {
-    pub fn new(layout: &'a Layout, each: &'a mut dyn FnMut(f32)) -> Self {
+impl<'a, F: FnMut(f32)> Taken<'a, F> {
+    pub fn new(layout: &'a Layout, each: F) -> Self {
         Taken { layout, each, count: 0, inexact: 0, overflow: None }
     }
 

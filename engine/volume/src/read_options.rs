@@ -55,6 +55,8 @@ pub struct Level {
     pub spacing_mm: [f64; 3],
     /// Voxels along x, y, z that are stored, and read, together.
     pub chunk: [usize; 3],
+    /// Number of volumes, as of times and channels.
+    pub volumes: usize,
 }
 
 impl Default for ReadOptions {

@@ -150,8 +150,7 @@ impl VoxelSource for Plain {
         };
         let mut file = open(&self.path).map_err(failed)?;
         let mut samples = reserve_samples(size.iter().product(), self.options.max_bytes)?;
-        let mut each = |sample| samples.push(sample);
-        let mut taken = Taken::new(&self.layout, &mut each);
+        let mut taken = Taken::new(&self.layout, |sample| samples.push(sample));
         let [nx, ny, _] = self.grid.size;
         let element = self.layout.element;
         let mut row = vec![0; size[0] * element.bytes];

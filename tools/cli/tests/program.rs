@@ -25,3 +25,4 @@ mod surroundings;
 mod told;
 mod view;
 mod whole;
+mod zarr;

@@ -115,11 +115,16 @@ impl Resolution {
 
     pub fn summary(&self) -> Level {
         let spacing_mm = spacing_of(&self.grid.world_from_voxel).to_array();
-        Level { size: self.grid.size, spacing_mm, chunk: self.chunk }
+        Level { size: self.grid.size, spacing_mm, chunk: self.chunk, volumes: self.layout.volumes() }
     }
 
     /// Reads planes `first[2]..` of a box, x fastest, and passes the samples on.
-    fn read_slab(&self, first: [usize; 3], size: [usize; 3], taken: &mut Taken) -> Result<()> {
+    fn read_slab(
+        &self,
+        first: [usize; 3],
+        size: [usize; 3],
+        taken: &mut Taken<impl FnMut(f32)>,
+    ) -> Result<()> {
         let failed = |message: String| {
             bad("VGS-ZAR-007", format!("chunks at voxel {first:?} cannot be read: {message}"))
                 .help("copy the store again; a chunk that is missing altogether would be no error")
@@ -164,8 +169,7 @@ impl VoxelSource for Resolution {
             Some(coarser) if e.kind == Kind::BadData => e.help(coarser),
             _ => e,
         })?;
-        let mut each = |sample| samples.push(sample);
-        let mut taken = Taken::new(&self.layout, &mut each);
+        let mut taken = Taken::new(&self.layout, |sample| samples.push(sample));
         // Slabs end where chunks do, so that no chunk is decoded twice.
         let plane = (size[0] * size[1] * self.layout.element.bytes) as u64;
         let chunk = self.chunk[2];

@@ -48,30 +48,34 @@ Examples:
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum FileContent {
     Splats(Box<Summary>),
-    Volume {
-        /// Name of the format, if no header has it.
-        #[serde(rename = "file_format", skip_serializing_if = "Option::is_none")]
-        format: Option<&'static str>,
-        #[serde(flatten)]
-        header: Option<Box<Header>>,
-        /// Resolutions of a file that has several, finest first.
-        #[serde(skip_serializing_if = "Vec::is_empty")]
-        levels: Vec<Level>,
-        /// Series of a DICOM folder.
-        #[serde(skip_serializing_if = "Vec::is_empty")]
-        series: Vec<StackSummary>,
-        /// Labels of a mask with their names, as the file lists them.
-        #[serde(skip_serializing_if = "Vec::is_empty")]
-        structures: Vec<Structure>,
-        /// Labels that some voxels have.
-        #[serde(skip_serializing_if = "Option::is_none")]
-        present: Option<Vec<PresentLabel>>,
-        /// Text behind an intensity of `present`.
-        #[serde(skip)]
-        unit: &'static str,
-        #[serde(flatten)]
-        voxels: Option<Box<Voxels>>,
-    },
+    Volume(Box<VolumeContent>),
+}
+
+/// What a volume's file says, and what its voxels are.
+#[derive(Default, Serialize)]
+struct VolumeContent {
+    /// Name of the format, if no header has it.
+    #[serde(rename = "file_format", skip_serializing_if = "Option::is_none")]
+    format: Option<&'static str>,
+    #[serde(flatten)]
+    header: Option<Box<Header>>,
+    /// Resolutions of a file that has several, finest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    levels: Vec<Level>,
+    /// Series of a DICOM folder.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    series: Vec<StackSummary>,
+    /// Labels of a mask with their names, as the file lists them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    structures: Vec<Structure>,
+    /// Labels that some voxels have.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    present: Option<Vec<PresentLabel>>,
+    /// Text behind an intensity of `present`.
+    #[serde(skip)]
+    unit: &'static str,
+    #[serde(flatten)]
+    voxels: Option<Box<Voxels>>,
 }
 
 /// Grid and statistics of a readable volume.
@@ -142,37 +146,43 @@ fn read_content(path: &Path, read: &ReadArguments, of: Option<&Volume>) -> Resul
     }
     let header = nifti::describe(path).ok().map(Box::new);
     if header.as_ref().is_some_and(|h| !h.scalar) {
-        return Ok(FileContent::Volume {
-            format: None,
-            header,
-            levels: Vec::new(),
-            series: Vec::new(),
-            structures: Vec::new(),
-            present: None,
-            unit: "",
-            voxels: None,
-        });
+        return Ok(volume_content(VolumeContent { header, ..VolumeContent::default() }));
     }
     if header.as_ref().is_some_and(|h| h.dims.iter().skip(3).product::<usize>() > 1) {
         options.volume_index = options.volume_index.or(Some(0));
     }
     let levels = volume::levels(path)?;
+    if levels.iter().any(|level| level.volumes > 1) {
+        options.volume_index = options.volume_index.or(Some(0));
+    }
     if !levels.is_empty() && options.level.is_none() {
         options.level = readable(&levels, options.max_bytes);
+    }
+    if !levels.is_empty() && options.level.is_none() && options.voxels.is_none() {
+        // The list is the answer.
+        return Ok(volume_content(VolumeContent {
+            format: Some(Format::of(path, &options)?.name),
+            levels,
+            ..VolumeContent::default()
+        }));
     }
     let volume = Volume::read(path, &options).map_err(|e| not_splats_either(e, path))?;
     let format = if header.is_some() { None } else { Some(Format::of(path, &options)?.name) };
     let structures = if header.is_some() { Vec::new() } else { labels_of(&volume) };
-    Ok(FileContent::Volume {
+    Ok(volume_content(VolumeContent {
         format,
         header,
         levels,
-        series: Vec::new(),
         structures,
         present: present(&volume, of, path)?,
         unit: of.map_or("", |of| of.unit().text()),
         voxels: Some(Voxels::of(&volume)),
-    })
+        ..VolumeContent::default()
+    }))
+}
+
+fn volume_content(content: VolumeContent) -> FileContent {
+    FileContent::Volume(Box::new(content))
 }
 
 /// Returns the finest resolution that may be read; `None` if there is none.
@@ -208,16 +218,14 @@ fn dicom_content(
             Err(error) if error.kind == Kind::Usage => None,
             mask => Some(mask?),
         };
-        return Ok(FileContent::Volume {
+        return Ok(volume_content(VolumeContent {
             format: Some(format),
-            header: None,
-            levels: Vec::new(),
-            series: Vec::new(),
             structures,
             present: mask.as_ref().map(|mask| present(mask, of, path)).transpose()?.flatten(),
             unit: of.map_or("", |of| of.unit().text()),
             voxels: mask.as_ref().map(Voxels::of),
-        });
+            ..VolumeContent::default()
+        }));
     }
     let series = dicom::list(path, options)?;
     let voxels = match Volume::read(path, options) {
@@ -230,16 +238,7 @@ fn dicom_content(
         }
         Err(error) => return Err(error),
     };
-    Ok(FileContent::Volume {
-        format: Some(format),
-        header: None,
-        levels: Vec::new(),
-        series,
-        structures: Vec::new(),
-        present: None,
-        unit: "",
-        voxels,
-    })
+    Ok(volume_content(VolumeContent { format: Some(format), series, voxels, ..VolumeContent::default() }))
 }
 
 /// Returns the names of labels that the file has.
@@ -292,7 +291,9 @@ fn text(content: &FileContent) -> Lines {
     let mut out = Lines(String::new());
     match content {
         FileContent::Splats(summary) => splat_lines(summary, &mut out),
-        FileContent::Volume { format, header, levels, series, structures, present, unit, voxels } => {
+        FileContent::Volume(content) => {
+            let VolumeContent { format, header, levels, series, structures, present, unit, voxels } =
+                &**content;
             level_lines(levels, &mut out);
             let named: Vec<String> = match header {
                 Some(h) => h.labels.iter().map(|(number, name)| format!("{number} {name}")).collect(),
@@ -407,7 +408,8 @@ fn volume_lines(
 /// Lists the resolutions of a file.
 fn level_lines(levels: &[Level], out: &mut Lines) {
     for (number, level) in levels.iter().enumerate() {
-        let chunk = format!("chunks of {}", joined(&level.chunk, " x "));
+        let volumes = if level.volumes > 1 { format!(", {} volumes", level.volumes) } else { String::new() };
+        let chunk = format!("chunks of {}{volumes}", joined(&level.chunk, " x "));
         let (size, spacing) = (joined(&level.size, " x "), rounded(&level.spacing_mm));
         out.add(&format!("level {number}"), format!("{size} voxels, {spacing} mm, {chunk}"));
     }
