@@ -9,7 +9,7 @@ use super::volume::Volume;
 use super::voxel_source::VoxelSource;
 #[cfg(feature = "zarr")]
 use super::zarr;
-use super::{Grid, LabelChoice, Level, dicom, inv3, metaimage, nifti, npy, nrrd};
+use super::{Grid, LabelChoice, Level, PartOf, dicom, inv3, metaimage, nifti, npy, nrrd};
 use base::input::Input;
 use base::{Error, Kind, Result};
 
@@ -254,6 +254,8 @@ impl Volume {
 
 /// Reads what the options choose of an open volume.
 fn read_of(source: Box<dyn VoxelSource>, input: &Input, options: &ReadOptions) -> Result<Volume> {
+    let part_of =
+        options.voxels.map(|ends| PartOf { grid: source.grid(), first: ends.map(|[first, _]| first) });
     let volume = match options.voxels {
         Some(ends) => {
             let first = ends.map(|[first, _]| first);
@@ -262,6 +264,7 @@ fn read_of(source: Box<dyn VoxelSource>, input: &Input, options: &ReadOptions) -
         None => source.whole(),
     };
     let mut volume = volume.map_err(|e| e.or_file(input.name()))?;
+    volume.part_of = part_of;
     volume.stated_unit = options.unit.or(volume.stated_unit);
     volume.learn_unit_from(input.name());
     Ok(volume)

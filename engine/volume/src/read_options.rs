@@ -1,8 +1,8 @@
 //! Options for reading a volume.
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 
-use super::LabelChoice;
+use super::{Grid, LabelChoice};
 use base::unit::Unit;
 
 /// Options for reading a volume.
@@ -35,15 +35,6 @@ pub struct ReadOptions {
     pub grid: Option<Grid>,
     /// [`super::Volume::frame_of_reference`] of the volume that the file is a mask of.
     pub frame_of_reference: Option<String>,
-}
-
-/// A regular grid.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grid {
-    /// Voxel counts along x, y, z.
-    pub size: [usize; 3],
-    /// Map from voxel index (centres at integers) to world, mm RAS.
-    pub world_from_voxel: DAffine3,
 }
 
 /// One resolution of a file that has several.

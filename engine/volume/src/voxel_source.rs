@@ -3,7 +3,7 @@
 use std::io::{Read, Seek, SeekFrom};
 use std::path::PathBuf;
 
-use glam::{DAffine3, DVec3};
+use glam::DAffine3;
 
 use super::payload::{Layout, Packing, Payload, Taken};
 use super::source::{Source, reserve_samples};
@@ -43,47 +43,6 @@ impl VoxelSource for Volume {
 
     fn whole(self: Box<Self>) -> Result<Volume> {
         Ok(*self)
-    }
-}
-
-impl Grid {
-    /// Returns the grid of the box of `size` voxels whose first one is `first`.
-    pub(super) fn of_box(&self, first: [usize; 3], size: [usize; 3]) -> Grid {
-        let offset = DAffine3::from_translation(DVec3::from_array(first.map(|c| c as f64)));
-        Grid { size, world_from_voxel: self.world_from_voxel * offset }
-    }
-
-    /// Returns true if `part` is the grid of a box of this one, to a hundredth of a voxel.
-    pub(super) fn has_box(&self, ends: [[usize; 2]; 3], part: &Grid) -> bool {
-        let (first, size) =
-            (ends.map(|[first, _]| first), ends.map(|[first, end]| end.saturating_sub(first)));
-        let found = self.of_box(first, size);
-        let voxel_from_world = found.world_from_voxel.inverse();
-        let same_place = |corner: DVec3| {
-            let there = voxel_from_world.transform_point3(part.world_from_voxel.transform_point3(corner));
-            there.distance(corner) < 0.01
-        };
-        let last = DVec3::from_array(size.map(|n| n as f64));
-        self.check_box(first, size).is_ok()
-            && part.size == size
-            && [DVec3::ZERO, DVec3::X * last, DVec3::Y * last, DVec3::Z * last].into_iter().all(same_place)
-    }
-
-    /// Refuses a box that is empty or reaches beyond the grid.
-    pub(super) fn check_box(&self, first: [usize; 3], size: [usize; 3]) -> Result<()> {
-        let within = |axis: usize| {
-            first[axis].checked_add(size[axis]).is_some_and(|end| size[axis] > 0 && end <= self.size[axis])
-        };
-        if (0..3).all(within) {
-            return Ok(());
-        }
-        let ends: [usize; 3] = std::array::from_fn(|axis| first[axis].saturating_add(size[axis]));
-        let [x, y, z] = [0, 1, 2].map(|axis| format!("{}:{}", first[axis], ends[axis]));
-        let [nx, ny, nz] = self.size;
-        let message =
-            format!("the voxels {x},{y},{z} are not all among the {nx} x {ny} x {nz} of the volume");
-        Err(Error::new(Kind::Usage, "VGS-VOL-026", message)
-            .help(format!("choose some of --voxels 0:{nx},0:{ny},0:{nz}; a range holds one voxel or more")))
     }
 }
 
@@ -180,6 +139,8 @@ impl VoxelSource for Plain {
 mod tests {
     use std::fs;
     use std::path::Path;
+
+    use glam::DVec3;
 
     use super::*;
     use crate::nifti;

@@ -4,6 +4,7 @@
 mod arrows;
 mod bake;
 mod batch;
+mod blocks;
 mod compare;
 mod convert;
 mod dicom;
