@@ -1,0 +1,26 @@
+import sys
+
+from snakemake.utils import validate
+
+sys.path.insert(0, f"{workflow.basedir}/scripts")
+import cases as table
+import report
+
+validate(config, "../schemas/config.schema.yaml")
+OUT = config["output"]
+CASE = f"{OUT}/cases/{{case}}/{{case}}"  # of a case's files the first part of their names
+RECORD = f"{OUT}/records/{{case}}"
+LOG = f"{OUT}/logs/{{case}}"
+try:
+    CASES = table.read(config["cases"])
+except table.BadTable as error:
+    raise WorkflowError(str(error))
+
+
+wildcard_constraints:
+    case="[^/]+",
+
+
+def row(wildcards):
+    """Returns the row of a case. Of a case that has left the table nothing is made."""
+    return CASES[wildcards.case]
