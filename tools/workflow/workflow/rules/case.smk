@@ -1,7 +1,7 @@
 # The steps of a case. What Snakemake sees of a step is its record, a small JSON file (scripts/step.py). The files of vgs are
 # no declared outputs: Snakemake removes those of a job that fails, and with them what a fit is taken up from. A case that vgs
 # refuses is a record, too, and no failed job: in a group of cases, as clusters have them, one failed job would stop the others
-# and remove what they have declared.
+# and remove what they have declared. Every step asks for the device, so that those of a group are planned one by one.
 
 
 rule fit:
@@ -21,7 +21,7 @@ rule fit:
         "case"
     threads: 2
     resources:
-        gpu=1,
+        device=1,
         runtime=config["minutes-per-fit"],
     script:
         "../scripts/step.py"
@@ -40,6 +40,7 @@ rule small:
     group:
         "case"
     resources:
+        device=1,
         runtime=1,
     script:
         "../scripts/step.py"
@@ -64,7 +65,7 @@ rule evaluate:
         "case"
     threads: 2
     resources:
-        gpu=1,
+        device=1,
         runtime=2,
     script:
         "../scripts/step.py"
@@ -83,7 +84,7 @@ rule picture:
     group:
         "case"
     resources:
-        gpu=1,
+        device=1,
         runtime=1,
     script:
         "../scripts/step.py"
@@ -102,6 +103,7 @@ rule page:
     group:
         "case"
     resources:
+        device=1,
         runtime=1,
     script:
         "../scripts/step.py"

@@ -15,6 +15,13 @@ try:
     CASES = table.read(config["cases"])
 except table.BadTable as error:
     raise WorkflowError(str(error))
+REPORT = "report"
+if config["shard"]:
+    i, n = map(int, config["shard"].split("/"))
+    if i > n:
+        raise WorkflowError(f"shard: {i} of {n} is none; give I/N with I from 1 to N")
+    CASES = dict(list(CASES.items())[i - 1 :: n])
+    REPORT = f"report-{i}-of-{n}"
 
 
 wildcard_constraints:

@@ -70,7 +70,7 @@ def _told(error, row):
         return "there is no region: give roi, a mask, or roi-threshold"
     if error.validator == "pattern":
         return f"{row['name']!r} cannot be the name of a case: no dot in front, and none of / \\ {{ }}"
-    return f"the column {error.path[-1]!r} is the workflow's own; leave it out"
+    return f"the column {error.instance!r} is the workflow's own; leave it out"
 
 
 def flags(row, usual, only=None):

@@ -1,4 +1,4 @@
-"""The report of a cohort: report.html, a page that needs no network, and report.csv, its table."""
+"""The report of a cohort: a page that needs no network, and its table as CSV."""
 
 import base64
 import csv
@@ -13,7 +13,7 @@ import urllib.parse
 import PIL.Image
 
 STEPS = ["fit", "small", "evaluate", "picture", "page"]
-# Columns of numbers: heading, name in report.csv, step, path in its record, factor, decimals.
+# Columns of numbers: heading, name in the CSV, step, path in its record, factor, decimals.
 COLUMNS = [
     ("Region, voxels", "voxels", "fit", "results.roi_voxels", 1, 0),
     ("Splats", "splats", "fit", "results.splats", 1, 0),
@@ -31,12 +31,12 @@ PLOTS = [
     ("small_file_kb", "Size of the small file", "kB"),
     ("fit_s", "Time of the fit", "s"),
 ]
-FILES = [("page", "{}.html"), ("picture", "{}.png"), ("errors", "{}-error.png"), ("small file", "{}.vgs")]
+FILES = [("page", "{}.html"), ("picture", "{}.png"), ("error", "{}-error.png"), (".vgs", "{}.vgs")]
 WIDTH, HEIGHT, MARGIN = 360, 120, 14
 
 
-def write(output, cases, worst):
-    """Writes the report of a folder of outputs. Returns the number of cases that are not whole."""
+def write(output, name, cases, worst):
+    """Writes the report of a folder of outputs, NAME.html and NAME.csv. Returns the number of cases that are not whole."""
     output = pathlib.Path(output)
     output.mkdir(parents=True, exist_ok=True)
     rows = [_row(output, case) for case in cases]
@@ -55,13 +55,13 @@ def write(output, cases, worst):
         headings="".join(_heading(title, i > 1) for i, title in enumerate(["Case", "State", *[c[0] for c in COLUMNS]])),
         rows="".join(_table_row(row) for row in rows),
     )
-    _write(output / "report.html", page)
+    _write(output / f"{name}.html", page)
     names = ["case", "state", *[column[1] for column in COLUMNS], "step", "code", "message", "help"]
     text = io.StringIO()
     table = csv.DictWriter(text, names, extrasaction="ignore")
     table.writeheader()
     table.writerows(rows)
-    _write(output / "report.csv", text.getvalue())
+    _write(output / f"{name}.csv", text.getvalue())
     return counts["failed"] + counts["unfinished"]
 
 
@@ -201,7 +201,7 @@ def _plot(rows, name, title, unit):
     )
     median = sorted(value for value, _ in values)[len(values) // 2]
     return (
-        f'<figure class=plot><figcaption>{title}, {unit}<br><small>median {_number(median, 1)} {unit}'
+        f"<figure class=plot><figcaption>{title}, {unit}<br><small>median {_number(median, 1)} {unit}"
         f"{'; logarithmic' if is_log else ''}</small></figcaption>"
         f'<svg viewBox="0 0 {WIDTH} {HEIGHT}" role="img" aria-label="{title}: {len(values)} cases from '
         f'{_number(values[0][0], 1)} to {_number(values[-1][0], 1)} {unit}, median {_number(median, 1)} {unit}">'

@@ -11,8 +11,12 @@ What is no fault of the case (no device, no memory, a full disk, a signal) leave
 of the workflow does it again. Only shortage, exit code 75, is tried again here, after a while.
 """
 
+import contextlib
+import fcntl
+import getpass
 import hashlib
 import json
+import os
 import pathlib
 import re
 import shlex
@@ -25,6 +29,15 @@ import time
 # Exit codes (vgs explain) that a case has of itself: wrong flags, nothing to do, unusable or missing input.
 OF_THE_CASE = {2, 3, 65, 66}
 SHORTAGE = 75
+
+
+@contextlib.contextmanager
+def device():
+    """Waits until no other step of this job of the cluster, or of this machine, has the device."""
+    name = f"vgs-{getpass.getuser()}-{os.environ.get('SLURM_JOB_ID', 'local')}.lock"
+    with open(pathlib.Path(tempfile.gettempdir()) / name, "w") as file:
+        fcntl.flock(file, fcntl.LOCK_EX)
+        yield
 
 
 def run(command, log):
@@ -73,7 +86,8 @@ def step(vgs, command, writes, made_of, log, config):
             flags = [f"--checkpoint-every={config['checkpoint-every']}", "--checkpoint-keep=1", *flags]
             if any(state.exists() for state in states):
                 flags[-1], resumed = "--resume", True
-        code, results, error = run([*vgs, *command, *flags], log)
+        with contextlib.nullcontext() if command[0] == "convert" else device():
+            code, results, error = run([*vgs, *command, *flags], log)
         if code != SHORTAGE or attempt > config["retries"]:
             break
         log.write(f"workflow: shortage, exit code 75, at attempt {attempt}\n")
