@@ -4,7 +4,7 @@ from snakemake.utils import validate
 
 sys.path.insert(0, f"{workflow.basedir}/scripts")
 import cases as table
-import report
+import report as summary
 
 validate(config, "../schemas/config.schema.yaml")
 OUT = config["output"]

@@ -133,11 +133,19 @@ def main(job):
         write(output, {"state": "skipped"})
         return 0
     vgs = shlex.split(config["vgs"])
-    version = subprocess.run([*vgs, "--version"], capture_output=True, text=True, check=True).stdout
-    made_of = fingerprint(version, command, [record["made_of"] for record in records], files=job.input.get("scan", []))
-    if config["device"] != "":
+    if config["device"] != "" and command[0] != "convert":
         command.append(f"--device={config['device']}")
     with open(job.log[0], "w", encoding="utf-8") as log:
+        try:
+            version = subprocess.run([*vgs, "--version"], capture_output=True, text=True, check=True).stdout
+        except (OSError, subprocess.CalledProcessError) as error:
+            message = f"vgs cannot be run; how it is called is the setting vgs, {config['vgs']!r}: {error}"
+            print(message, file=log)
+            print(message, file=sys.stderr)
+            return 1
+        made_of = fingerprint(
+            version, command, [record["made_of"] for record in records], files=job.input.get("scan", [])
+        )
         record = step(vgs, command, [pathlib.Path(path) for path in job.params.writes], made_of, log, config)
     if isinstance(record, int):
         print(f"vgs {command[0]} ended with exit code {record}; see {job.log[0]}", file=sys.stderr)
