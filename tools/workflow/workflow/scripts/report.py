@@ -32,7 +32,7 @@ PLOTS = [
     ("fit_s", "Time of the fit", "s"),
 ]
 FILES = [("page", "{}.html"), ("picture", "{}.png"), ("error", "{}-error.png"), (".vgs", "{}.vgs")]
-WIDTH, HEIGHT, MARGIN = 360, 120, 14
+WIDTH, HEIGHT, MARGIN = 360, 120, 20
 
 
 def write(output, name, cases, worst):
