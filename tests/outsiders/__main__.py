@@ -29,10 +29,11 @@ import npy_files
 import nrrd_files
 import page
 import real_files
+import zarr_files
 from check import Vgs, confirm, judge
 from known import ALONE, DISSENT, KNOWN_WRONG
 
-FAMILIES = [dicom_values, dicom_stacks, masks, nifti_files, nrrd_files, metaimage_files, npy_files]
+FAMILIES = [dicom_values, dicom_stacks, masks, nifti_files, nrrd_files, metaimage_files, npy_files, zarr_files]
 
 
 def run(part):

@@ -10,7 +10,7 @@ import re
 from known import ALONE, DISSENT, KNOWN_WRONG
 
 FOLDER = pathlib.Path(__file__).resolve().parents[2] / "docs/results"
-PACKAGES = ["pydicom", "SimpleITK", "highdicom", "nibabel", "pynrrd", "numpy", "shapely"]
+PACKAGES = ["pydicom", "SimpleITK", "highdicom", "nibabel", "pynrrd", "numpy", "shapely", "zarr"]
 
 HEAD = """\
 # What other programs read

@@ -8,6 +8,7 @@ import nrrd
 import numpy as np
 import pydicom
 import SimpleITK
+import zarr
 from pydicom.datadict import dictionary_has_tag, dictionary_VR
 from pydicom.pixels import apply_modality_lut
 
@@ -204,3 +205,22 @@ def values_of(data, transformation, stored):
 
 
 DICOM = {"pydicom": pydicom_, "SimpleITK": itk}
+
+
+def zarr_(path, index=0):
+    """Reads the finest resolution of an OME-Zarr image with zarr-python, which knows arrays; here also distances."""
+    group = zarr.open_group(path, mode="r")
+    attributes = dict(group.attrs)
+    image = attributes.get("ome", attributes)["multiscales"][0]
+    axes = [axis["name"] for axis in image["axes"]]
+    space = [axis for axis in axes if axis in "xyz"]
+    if len(space) != 3:
+        raise ValueError("no volume")
+    array = group[image["datasets"][0]["path"]][...]
+    values = array.reshape(-1, *array.shape[len(axes) - 3 :])[index]
+    values = np.moveaxis(values, [space.index(axis) for axis in "xyz"], range(3))
+    mm = {"nanometer": 1e-6, "micrometer": 1e-3, "centimeter": 10, "meter": 1e3}
+    apart = np.array([mm.get(axis.get("unit"), 1.0) for axis in image["axes"]])
+    for step in image["datasets"][0]["coordinateTransformations"] + image.get("coordinateTransformations", []):
+        apart = apart * step.get("scale", 1)
+    return Grid(values, np.diag([*(apart[axes.index(axis)] for axis in "xyz"), 1.0]), False)

@@ -49,6 +49,54 @@ pub fn write_atomic(
     sync_folder(&folder_of(path)).map_err(|e| failed(&e))
 }
 
+/// Writes the folder `path` through `write`, which gets an empty folder: `path` appears whole or not at all. What exists is
+/// refused unless `force` is set and `replaced` says that it is a folder of the same kind.
+///
+/// # Errors
+/// As [`write_atomic`], and those of `write`.
+pub fn write_folder(
+    path: impl AsRef<Path>,
+    force: bool,
+    replaced: fn(&Path) -> bool,
+    write: impl FnOnce(&Path) -> Result<()>,
+) -> Result<()> {
+    let path = path.as_ref();
+    check_folder(path, force, replaced)?;
+    let beside = folder_of(path);
+    let failed =
+        |e: &io::Error| Error::new(Kind::Io, "VGS-OUT-006", format!("writing failed: {e}")).file(path);
+    let work = Builder::new().prefix(TEMPORARY.0).tempdir_in(&beside).map_err(|e| failed(&e))?;
+    let (new, old) = (work.path().join("new"), work.path().join("old"));
+    fs::create_dir(&new).map_err(|e| failed(&e))?;
+    write(&new)?;
+    if path.exists() {
+        fs::rename(path, &old).map_err(|e| failed(&e))?;
+    }
+    fs::rename(&new, path).map_err(|e| {
+        // The old one comes back where the new one cannot go.
+        let _ = fs::rename(&old, path);
+        failed(&e)
+    })?;
+    sync_folder(&beside).map_err(|e| failed(&e))
+}
+
+/// Checks that [`write_folder`] could write `path`.
+///
+/// # Errors
+/// As [`check_writable`].
+pub fn check_folder(path: impl AsRef<Path>, force: bool, replaced: fn(&Path) -> bool) -> Result<()> {
+    let path = path.as_ref();
+    match fs::symlink_metadata(path) {
+        Ok(found) if found.is_dir() && replaced(path) => {
+            if !force {
+                return Err(exists(path));
+            }
+        }
+        _ => check_target(path, false)?,
+    }
+    temporary_beside(path).map(drop)
+}
+
 /// Returns the number of bytes that `write` writes.
 pub fn counted(write: impl FnOnce(&mut dyn Write) -> io::Result<()>) -> u64 {
     let mut count = Count(0);
@@ -252,6 +300,32 @@ mod tests {
         assert_eq!(error.kind, Kind::Io);
         assert_eq!(fs::read(&path).unwrap(), b"old");
         assert_eq!(names(dir.path()), ["a.txt"]);
+    }
+
+    #[test]
+    fn a_folder_appears_whole_or_not_at_all() {
+        let dir = tempfile::tempdir().unwrap();
+        let path = dir.path().join("a.zarr");
+        let is_ours: fn(&Path) -> bool = |path| path.join("mark").is_file();
+        let put = |force, text: &str, ends: Result<()>| {
+            write_folder(&path, force, is_ours, |folder| {
+                fs::write(folder.join("mark"), text).unwrap();
+                ends
+            })
+        };
+        put(false, "one", Ok(())).unwrap();
+        assert_eq!(put(false, "two", Ok(())).unwrap_err().code, "VGS-OUT-001");
+        put(true, "two", Err(Error::new(Kind::Io, "VGS-OUT-006", "full"))).unwrap_err();
+        assert_eq!(fs::read(path.join("mark")).unwrap(), b"one", "a failed write keeps the old folder");
+        fs::write(path.join("more"), "").unwrap();
+        put(true, "two", Ok(())).unwrap();
+        assert_eq!((names(&path), names(dir.path())), (vec!["mark".into()], vec!["a.zarr".into()]));
+        assert_eq!(fs::read(path.join("mark")).unwrap(), b"two");
+        // A folder of another kind stays, also with force.
+        fs::remove_file(path.join("mark")).unwrap();
+        fs::write(path.join("thesis.txt"), "").unwrap();
+        assert_eq!(put(true, "two", Ok(())).unwrap_err().code, "VGS-OUT-003");
+        assert_eq!(names(&path), ["thesis.txt"]);
     }
 
     #[test]

@@ -15,7 +15,7 @@ use base::error::{Error, Kind, Result};
 use base::memory;
 use gpu::{Gpu, PassTime};
 use splat::{Field, Form, Grid, Region, Splat, SplatSet};
-use volume::{Displacements, Roi, Volume};
+use volume::{Displacements, PartOf, Roi, Volume};
 
 /// Figures are fetched at least this many iterations apart ...
 const FIGURES_EVERY: u32 = 20;
@@ -54,6 +54,8 @@ pub struct Problem<'a> {
     native_voxels: f64,
     /// Where the working grid has more slices: which of them are the scan's.
     scan_slices: Option<ScanSlices>,
+    /// The grid that the working grid is a box of, if the volume is one of a larger volume.
+    part_of: Option<PartOf>,
     /// Checksum of the volume on its own grid, once it was asked for.
     volume_crc32: OnceLock<u32>,
     /// The voxels of a binary region, once they were asked for.
@@ -70,6 +72,7 @@ impl<'a> Problem<'a> {
     pub fn new(volume: &'a Volume, roi: &'a Roi, config: &FitConfig) -> Result<Self> {
         config.check()?;
         let native_voxels = roi.weight_sum();
+        let volume_part = volume.part_of;
         if let Some(finer) = config.effective_between_slices().finer(volume) {
             finer.require_memory()?;
             let volume_crc32 = OnceLock::from(volume.crc32());
@@ -78,8 +81,19 @@ impl<'a> Problem<'a> {
             let roi = Cow::Owned(finer.roi(roi, &fine, &along));
             let (volume, config) = (Cow::Owned(fine), config.clone());
             let region = OnceLock::new();
-            let scan_slices = Some(ScanSlices { axis: finer.axis(), every: finer.factor(), first: 0 });
-            return Ok(Problem { volume, roi, config, native_voxels, scan_slices, volume_crc32, region });
+            let (axis, every) = (finer.axis(), finer.factor());
+            let scan_slices = Some(ScanSlices { axis, every, first: 0 });
+            let part_of = volume_part.map(|part| part.with_slices(axis, every));
+            return Ok(Problem {
+                volume,
+                roi,
+                config,
+                native_voxels,
+                scan_slices,
+                part_of,
+                volume_crc32,
+                region,
+            });
         }
         let scan_slices = None;
         if config.samples.working_grid <= 1 {
@@ -87,7 +101,17 @@ impl<'a> Problem<'a> {
             let volume_crc32 = OnceLock::new();
             let region = OnceLock::new();
             let config = config.clone();
-            return Ok(Problem { volume, roi, config, native_voxels, scan_slices, volume_crc32, region });
+            let part_of = volume_part;
+            return Ok(Problem {
+                volume,
+                roi,
+                config,
+                native_voxels,
+                scan_slices,
+                part_of,
+                volume_crc32,
+                region,
+            });
         }
         // The range is that of the native volume: the means of its blocks reach less far.
         let (low, high) = Scaling::new(volume, roi, config).range;
@@ -98,6 +122,8 @@ impl<'a> Problem<'a> {
             config: config.clone().with(|c| c.region.hu_range = [low, high]),
             native_voxels,
             scan_slices,
+            // Blocks of voxels are counted from the first one of the part.
+            part_of: None,
             volume_crc32: OnceLock::from(volume.crc32()),
             region: OnceLock::new(),
         })
@@ -108,8 +134,8 @@ impl<'a> Problem<'a> {
         let (volume, roi) = (Cow::Borrowed(&*self.volume), Cow::Borrowed(&*self.roi));
         let volume_crc32 = self.volume_crc32.clone();
         let region = self.region.clone();
-        let (native_voxels, scan_slices) = (self.native_voxels, self.scan_slices);
-        Problem { volume, roi, config, native_voxels, scan_slices, volume_crc32, region }
+        let (native_voxels, scan_slices, part_of) = (self.native_voxels, self.scan_slices, self.part_of);
+        Problem { volume, roi, config, native_voxels, scan_slices, part_of, volume_crc32, region }
     }
 
     /// Returns the part of the problem in the box of `size` voxels from `first` on.
@@ -122,6 +148,7 @@ impl<'a> Problem<'a> {
                 let before = scan.first as isize - first[scan.axis] as isize;
                 ScanSlices { first: before.rem_euclid(scan.every as isize) as usize, ..scan }
             }),
+            part_of: None,
             roi: Cow::Owned(roi),
             config: self.config.clone(),
             volume_crc32: OnceLock::new(),
@@ -221,15 +248,23 @@ impl<'a> Problem<'a> {
     }
 
     /// Returns splats of the fit (voxel space of the working grid, HU) as a set in the world, with the grid
-    /// that they were fitted on, their form and their region.
+    /// that they were fitted on, their form and their region. The grid of a part is that of the whole, so that parts go
+    /// together, and each is measured by the whole.
     pub fn splat_set(&self, splats: &[Splat], iterations: u32) -> SplatSet {
+        let own = || volume::Grid { size: self.volume.size, world_from_voxel: self.volume.world_from_voxel };
+        let PartOf { grid, first } = self.part_of.unwrap_or_else(|| PartOf { grid: own(), first: [0; 3] });
+        let first = first.map(|at| u32::try_from(at).unwrap_or(u32::MAX));
         SplatSet {
             iterations: Some(iterations),
-            grid: Some(Grid::of_voxels(self.volume.size, self.volume.world_from_voxel)),
+            grid: Some(Grid::of_voxels(grid.size, grid.world_from_voxel)),
             unit: self.volume.unit(),
-            volume_crc32: Some(*self.volume_crc32.get_or_init(|| self.volume.crc32())),
+            // That of a part would say that the whole is another volume.
+            volume_crc32: self
+                .part_of
+                .is_none()
+                .then(|| *self.volume_crc32.get_or_init(|| self.volume.crc32())),
             form: self.config.fitted_form(),
-            region: self.region(),
+            region: self.region().map(|region| region.within(first)),
             ..SplatSet::from_voxel(splats, &self.volume.world_from_voxel, self.field())
         }
     }

@@ -110,7 +110,7 @@ mod tests {
         assert_eq!(slabs(&touched, grid), [0..3, 3..7]);
         let layer = slabs(&touched, [grid[0] * 7, 1, 1]);
         assert!(layer.len() == 1 && layer[0] == (0..1), "a layer is never cut: {layer:?}");
-        assert_eq!(slabs(&[], [0, 0, 0]), []);
+        assert!(slabs(&[], [0, 0, 0]).is_empty());
     }
 
     #[test]

@@ -21,6 +21,7 @@ impl Volume {
             frame_of_reference: self.frame_of_reference.clone(),
             // A part without air is of the same scan.
             stated_unit: Some(self.unit()),
+            part_of: None,
         }
     }
 }

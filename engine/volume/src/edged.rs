@@ -66,6 +66,7 @@ impl Edges {
             labels: volume.labels.clone(),
             frame_of_reference: volume.frame_of_reference.clone(),
             stated_unit: Some(volume.unit()),
+            part_of: None,
             oriented: volume.oriented,
         };
         let weight = values.par_iter().map(|&o| f32::from(o) / 255.0).collect();

@@ -6,7 +6,10 @@ use super::fields::FieldRow;
 use super::read_options::ReadOptions;
 use super::source::{SNIFF_BYTES, Source};
 use super::volume::Volume;
-use super::{Grid, LabelChoice, dicom, inv3, metaimage, nifti, npy, nrrd};
+use super::voxel_source::VoxelSource;
+#[cfg(feature = "zarr")]
+use super::zarr;
+use super::{Grid, LabelChoice, Level, PartOf, dicom, inv3, metaimage, nifti, npy, nrrd};
 use base::input::Input;
 use base::{Error, Kind, Result};
 
@@ -18,9 +21,11 @@ pub struct Format {
     pub extensions: &'static [&'static str],
     /// Returns true if the first [`SNIFF_BYTES`] decoded bytes (fewer in a shorter file) are of this format.
     sniff: fn(&[u8]) -> bool,
-    read: fn(&Input, &ReadOptions) -> Result<Volume>,
+    open: fn(&Input, &ReadOptions) -> Result<Box<dyn VoxelSource>>,
     /// What is done with the fields of the header.
     pub fields: &'static [FieldRow],
+    /// Returns true if a folder is of this format.
+    is_folder: fn(&Path) -> bool,
     /// Returns the file beside a header that holds its voxels, if there is one.
     beside: fn(&Path) -> Option<PathBuf>,
 }
@@ -29,10 +34,15 @@ const DICOM: Format = Format {
     name: dicom::NAME,
     extensions: &[".dcm", ".ima"],
     sniff: dicom::sniff,
-    read: dicom::read,
+    open: |input, options| in_memory(dicom::read(input, options)),
     fields: &[],
+    is_folder: Path::is_dir,
     beside: nothing_beside,
 };
+
+fn in_memory(volume: Result<Volume>) -> Result<Box<dyn VoxelSource>> {
+    Ok(Box::new(volume?))
+}
 
 fn nothing_beside(_: &Path) -> Option<PathBuf> {
     None
@@ -46,62 +56,79 @@ pub const FORMATS: &[Format] = &[
         name: "NIfTI",
         extensions: &[".nii", ".nii.gz", ".hdr", ".hdr.gz", ".img", ".img.gz"],
         sniff: nifti::sniff,
-        read: nifti::read,
+        open: nifti::open,
         fields: nifti::FIELDS,
+        is_folder: |_| false,
         beside: nifti::beside,
     },
     Format {
         name: inv3::NAME,
         extensions: &[".inv3"],
         sniff: inv3::sniff,
-        read: inv3::read,
+        open: |input, options| in_memory(inv3::read(input, options)),
         fields: inv3::FIELDS,
+        is_folder: |_| false,
         beside: nothing_beside,
     },
     Format {
         name: "NRRD",
         extensions: &[".nrrd", ".nhdr"],
         sniff: nrrd::sniff,
-        read: nrrd::read,
+        open: nrrd::open,
         fields: nrrd::FIELDS,
+        is_folder: |_| false,
         beside: nrrd::beside,
     },
     Format {
         name: "MetaImage",
         extensions: &[".mha", ".mhd"],
         sniff: metaimage::sniff,
-        read: metaimage::read,
+        open: metaimage::open,
         fields: metaimage::FIELDS,
+        is_folder: |_| false,
         beside: metaimage::beside,
     },
     Format {
         name: npy::NAME,
         extensions: &[".npy"],
         sniff: npy::sniff,
-        read: npy::read,
+        open: npy::open,
         fields: npy::FIELDS,
+        is_folder: |_| false,
+        beside: nothing_beside,
+    },
+    #[cfg(feature = "zarr")]
+    Format {
+        name: zarr::NAME,
+        extensions: &[".zarr", ".zarr.zip", ".ozx"],
+        sniff: zarr::sniff,
+        open: zarr::open,
+        fields: zarr::FIELDS,
+        is_folder: zarr::is_store,
         beside: nothing_beside,
     },
     Format {
         name: dicom::ZIP_NAME,
         extensions: &[".zip"],
         sniff: dicom::is_zip,
-        read: dicom::read,
+        open: |input, options| in_memory(dicom::read(input, options)),
         fields: &[],
+        is_folder: |_| false,
         beside: nothing_beside,
     },
 ];
 
 impl Format {
     /// Returns the format of a file, be it a path or an [`Input`], by its content, or by its name if the content is
-    /// not recognised. The format of a folder is DICOM.
+    /// not recognised. A folder is of DICOM unless it is a store of Zarr.
     ///
     /// # Errors
     /// [`Kind::Missing`], [`Kind::BadData`] or [`Kind::Io`].
     pub fn of(input: impl Into<Input>, options: &ReadOptions) -> Result<&'static Format> {
         let input = input.into();
-        if input.path().is_some_and(Path::is_dir) {
-            return Ok(&DICOM);
+        if let Some(folder) = input.path().filter(|path| path.is_dir()) {
+            // Any folder may be one of DICOM, the first row.
+            return Ok(FORMATS.iter().rev().find(|f| (f.is_folder)(folder)).unwrap_or(&DICOM));
         }
         let mut head = vec![0; SNIFF_BYTES];
         let n = Source::open(&input, options.lenient)?.read_some(&mut head)?;
@@ -127,26 +154,79 @@ pub fn files_of(path: &Path) -> Vec<PathBuf> {
     std::iter::once(path.to_owned()).chain(beside).collect()
 }
 
+/// Returns the resolutions of a file that has several (OME-Zarr), finest first; none of any other file.
+///
+/// # Errors
+/// [`Kind::BadData`] or [`Kind::Io`].
+pub fn levels(path: &Path) -> Result<Vec<Level>> {
+    #[cfg(feature = "zarr")]
+    if Format::of(path, &ReadOptions::default()).is_ok_and(|format| format.name == zarr::NAME) {
+        return zarr::levels(path).map_err(|e| e.or_file(path));
+    }
+    let _ = path;
+    Ok(Vec::new())
+}
+
+/// Writes `volume` as float32, by the ending of the name: NIfTI (`.nii`, `.nii.gz`) or OME-Zarr (`.zarr`, a folder), either
+/// whole or not at all.
+///
+/// # Errors
+/// [`Kind::Usage`] for another ending, and those of the writers.
+pub fn write(path: &Path, volume: &Volume, force: bool) -> Result<()> {
+    #[cfg(feature = "zarr")]
+    if is_zarr(path) {
+        return zarr::write(path, volume, force);
+    }
+    nifti::write(path, volume, force)
+}
+
+/// Checks that [`write()`] could write a file of this name, before anything is computed for it.
+///
+/// # Errors
+/// As [`write()`].
+pub fn check_output(path: &Path, force: bool) -> Result<()> {
+    #[cfg(feature = "zarr")]
+    if is_zarr(path) {
+        return base::output::check_folder(path, force, zarr::is_store);
+    }
+    let ending = |e: Error| e.help("endings are .nii, .nii.gz and .zarr");
+    nifti::check_name(path).map_err(ending).and_then(|_| base::output::check_writable(path, force))
+}
+
+#[cfg(feature = "zarr")]
+fn is_zarr(path: &Path) -> bool {
+    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zarr"))
+}
+
 impl Volume {
-    /// Reads a volume in any of the [`FORMATS`], or the DICOM series in a folder: from a path, or from an
-    /// [`Input::of`] a reader if the volume is one file, or a zip. Oddities that do not prevent reading are logged
-    /// as warnings.
+    /// Opens a volume in any of the [`FORMATS`], also the DICOM series or the store of Zarr in a folder: from a path, or from an
+    /// [`Input::of`] a reader if the volume is one file, or a zip. Voxels that are not compressed as a whole stay where
+    /// they are until they are asked for; other files are read. Oddities that do not prevent reading are logged as
+    /// warnings. The options' box and unit are those of [`Volume::read`].
     ///
     /// # Errors
-    /// [`Kind::Missing`], [`Kind::BadData`], [`Kind::Usage`] (a volume or a series must be chosen, or there must be a
-    /// path, beside which other files lie), [`Kind::HostMemory`] or [`Kind::Io`].
-    pub fn read(input: impl Into<Input>, options: &ReadOptions) -> Result<Volume> {
+    /// Those of [`Volume::read`].
+    pub fn open(input: impl Into<Input>, options: &ReadOptions) -> Result<Box<dyn VoxelSource>> {
         let input = input.into();
         let format = Format::of(&input, options)?;
-        let mut volume = (format.read)(&input, options).map_err(|e| e.or_file(input.name()))?;
-        volume.stated_unit = options.unit.or(volume.stated_unit);
-        volume.learn_unit_from(input.name());
-        Ok(volume)
+        (format.open)(&input, options).map_err(|e| e.or_file(input.name()))
+    }
+
+    /// Reads the volume that [`Volume::open`] opens, or its box [`ReadOptions::voxels`].
+    ///
+    /// # Errors
+    /// [`Kind::Missing`], [`Kind::BadData`], [`Kind::Usage`] (a volume or a series must be chosen, a box is not within
+    /// the volume, or there must be a path, beside which other files lie), [`Kind::HostMemory`] or [`Kind::Io`].
+    pub fn read(input: impl Into<Input>, options: &ReadOptions) -> Result<Volume> {
+        let input = input.into();
+        let source = Volume::open(&input, options)?;
+        read_of(source, &input, options)
     }
 
     /// Reads a mask of `volume`: any volume, and the structures of DICOM segmentations and structure sets. Of
     /// structures that overlap only those of `labels` are read; contours become voxels of the volume's grid.
-    /// Index and series of the options choose the volume; a mask is a single one.
+    /// Index and series of the options choose the volume; a mask is a single one. A mask of more than the box of
+    /// the volume is read in that box.
     ///
     /// # Errors
     /// As [`Volume::read`].
@@ -156,14 +236,36 @@ impl Volume {
         labels: &LabelChoice,
         volume: &Volume,
     ) -> Result<Volume> {
+        let input = input.into();
+        let own = Grid { size: volume.size, world_from_voxel: volume.world_from_voxel };
         let options = ReadOptions {
             volume_index: None,
             series: None,
             labels: labels.clone(),
-            grid: Some(Grid { size: volume.size, world_from_voxel: volume.world_from_voxel }),
+            grid: Some(own),
             frame_of_reference: volume.frame_of_reference.clone(),
-            ..*options
+            ..options.clone()
         };
-        Volume::read(input, &options)
+        let source = Volume::open(&input, &options)?;
+        let boxed = options.voxels.filter(|&voxels| source.grid().has_box(voxels, &own));
+        read_of(source, &input, &ReadOptions { voxels: boxed, ..options })
     }
+}
+
+/// Reads what the options choose of an open volume.
+fn read_of(source: Box<dyn VoxelSource>, input: &Input, options: &ReadOptions) -> Result<Volume> {
+    let part_of =
+        options.voxels.map(|ends| PartOf { grid: source.grid(), first: ends.map(|[first, _]| first) });
+    let volume = match options.voxels {
+        Some(ends) => {
+            let first = ends.map(|[first, _]| first);
+            source.read_box(first, ends.map(|[first, end]| end.saturating_sub(first)))
+        }
+        None => source.whole(),
+    };
+    let mut volume = volume.map_err(|e| e.or_file(input.name()))?;
+    volume.part_of = part_of;
+    volume.stated_unit = options.unit.or(volume.stated_unit);
+    volume.learn_unit_from(input.name());
+    Ok(volume)
 }

@@ -95,7 +95,7 @@ pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
             let message = format!("{}: expected {bytes} bytes, got {size}", project.file_name);
             return Err(bad("VGS-INV-004", message));
         }
-        let mut samples = reserve_samples(voxels)?;
+        let mut samples = reserve_samples(voxels, options.max_bytes)?;
         let mut block = vec![0; 1 << 16];
         let mut left = bytes as usize;
         while left > 0 {

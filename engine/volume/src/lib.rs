@@ -37,6 +37,7 @@ pub mod edges;
 mod elements;
 mod fields;
 mod formats;
+mod grid;
 mod interpolation;
 pub mod inv3;
 mod kind_of_scan;
@@ -58,22 +59,27 @@ mod slices;
 mod source;
 mod text_header;
 mod volume;
+mod voxel_source;
+#[cfg(feature = "zarr")]
+pub mod zarr;
 
 pub use affine::spacing_of;
 pub use bricks::Bricks;
 pub use cleaning::Cleaning;
 pub use edged::shown;
 pub use fields::FieldRow;
-pub use formats::{FORMATS, Format, files_of};
+pub use formats::{FORMATS, Format, check_output, files_of, levels, write};
+pub use grid::{Grid, PartOf};
 pub use interpolation::trilinear;
 pub use label_choice::LabelChoice;
 pub use labels::Labels;
 pub use present::PresentLabel;
-pub use read_options::{Grid, ReadOptions};
+pub use read_options::{Level, ReadOptions};
 pub use roi::Roi;
 pub use slices::{BetweenSlices, Displacements, FinerSlices};
 pub use source::SNIFF_BYTES;
 pub use volume::{Stats, Volume};
+pub use voxel_source::VoxelSource;
 
 #[cfg(test)]
 mod tests;

@@ -13,7 +13,8 @@ use super::fields::FieldRow;
 use super::payload::{Layout, Packing, Payload};
 use super::source::{Source, reserve_samples};
 use super::text_header::excerpt;
-use super::{ReadOptions, Volume};
+use super::voxel_source::{VoxelSource, opened, with_samples, without_voxels};
+use super::{Grid, ReadOptions, Volume};
 use base::input::Input;
 use base::{Error, Kind, Result};
 
@@ -67,8 +68,8 @@ pub(super) fn sniff(head: &[u8]) -> bool {
     head.starts_with(MAGIC)
 }
 
-/// Reads one volume, as [`Volume::read`] does.
-pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
+/// Opens one volume, as [`Volume::open`] does.
+pub(super) fn open(input: &Input, options: &ReadOptions) -> Result<Box<dyn VoxelSource>> {
     let mut source = Source::open(input, options.lenient)?;
     let header = read_header(&mut source)?;
     let (element, big_endian) = element(&header.descr)?;
@@ -91,10 +92,6 @@ pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
     let run = if header.fortran_order { 1 } else { x.saturating_mul(y).saturating_mul(z) };
     let layout = Layout::new(element, big_endian, size, (volumes, run), options)?;
     let payload = Payload::new(source, Packing::Plain, options.lenient)?;
-    let samples = match header.fortran_order {
-        false => payload.samples(&layout, false, options)?,
-        true => transposed(payload, &layout, size, options)?,
-    };
     let apart = match options.spacing_mm {
         Some(mm) => format!("{} x {} x {} mm apart as was given", mm.x, mm.y, mm.z),
         None => "1 mm apart".to_owned(),
@@ -105,7 +102,13 @@ pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
         input.name().display()
     );
     let world_from_voxel = DAffine3::from_scale(options.spacing_mm.unwrap_or(DVec3::ONE));
-    Ok(Volume { oriented: false, ..Volume::new(size, world_from_voxel, samples) })
+    let about = Volume { oriented: false, ..without_voxels() };
+    let grid = Grid { size, world_from_voxel };
+    if header.fortran_order {
+        let samples = transposed(payload, &layout, size, options)?;
+        return Ok(Box::new(with_samples(about, grid, samples)));
+    }
+    opened(input, about, grid, (layout, payload), false, options)
 }
 
 fn bad(code: &'static str, message: impl Into<String>) -> Error {
@@ -121,10 +124,10 @@ fn transposed(
 ) -> Result<Vec<f32>> {
     // The memory is checked first, since it is written here and not only reserved.
     payload.expect(layout.bytes(), options.max_bytes)?;
-    let mut samples = reserve_samples(layout.voxels)?;
+    let mut samples = reserve_samples(layout.voxels, options.max_bytes)?;
     samples.resize(layout.voxels, 0.0);
     let [mut x, mut y, mut z] = [0, 0, 0];
-    payload.each(layout, false, options, &mut |sample| {
+    payload.each(layout, false, options, |sample| {
         if let Some(place) = samples.get_mut(x + x_size * (y + y_size * z)) {
             *place = sample;
         }

@@ -6,7 +6,7 @@
 //! stream is read to its end so that its checksum is checked, and the bytes after it are judged.
 
 use std::io::{self, BufRead, BufReader, Read};
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 
 use flate2::bufread::GzDecoder;
 use flate2::{Decompress, FlushDecompress, Status};
@@ -45,10 +45,12 @@ pub(super) struct Layout {
     chosen: usize,
     /// Number of consecutive values of one volume before those of the next volume.
     run: usize,
+    /// Factor of the stored values, and the number that is added after it.
+    pub scaling: Option<(f64, f64)>,
 }
 
 impl Layout {
-    /// Checks sizes and the choice of a volume before anything is allocated. `run` is the number of
+    /// Checks sizes and the choice of a volume. `run` is the number of
     /// consecutive values of one volume; it does not matter if there is only one volume.
     pub fn new(
         element: &'static Element,
@@ -64,13 +66,6 @@ impl Layout {
             return Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
                 .help("the header is damaged: copy the file again"));
         };
-        let in_memory = 4 * voxels as u64;
-        if in_memory > options.max_bytes {
-            let message =
-                format!("takes {in_memory} bytes in memory, more than the limit of {}", options.max_bytes);
-            return Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
-                .help("if the size is right, raise the limit with --max-bytes"));
-        }
         let chosen = match options.volume_index {
             Some(i) if i < volumes => i,
             None if volumes == 1 => 0,
@@ -83,7 +78,17 @@ impl Layout {
                     .help(format!("choose --volume-index 0..{}", volumes.saturating_sub(1))));
             }
         };
-        Ok(Layout { element, big_endian, voxels, volumes, chosen, run: run.max(1) })
+        Ok(Layout { element, big_endian, voxels, volumes, chosen, run: run.max(1), scaling: None })
+    }
+
+    /// Returns the number of volumes in the file.
+    pub fn volumes(&self) -> usize {
+        self.volumes
+    }
+
+    /// Returns the index of the volume that is read.
+    pub fn chosen(&self) -> usize {
+        self.chosen
     }
 
     /// Returns the number of values of all volumes.
@@ -94,6 +99,14 @@ impl Layout {
     /// Returns the size of all volumes in bytes.
     pub fn bytes(&self) -> u64 {
         self.numbers() * self.element.bytes as u64
+    }
+
+    /// Returns the place, among all values of the file, of voxel `index` of the volume that is read; `None` if `row`
+    /// voxels from there on are not one after the other.
+    pub fn place(&self, index: usize, row: usize) -> Option<u64> {
+        let (block, at) = (index / self.run, index % self.run);
+        (self.volumes == 1 || at + row <= self.run)
+            .then(|| ((block * self.volumes + self.chosen) * self.run + at) as u64)
     }
 
     /// Returns true if value `at` of the file belongs to the volume that is read.
@@ -188,6 +201,14 @@ impl Payload {
             _ => Bytes::Gzip(GzDecoder::new(reader)),
         });
         Ok(payload)
+    }
+
+    /// Returns the path and the byte at which the voxels begin, if they are not compressed.
+    pub fn plain(&self) -> Option<(&Path, u64)> {
+        match &self.bytes {
+            Some(Bytes::Plain(source)) if !source.gzip => Some((&self.path, source.position)),
+            _ => None,
+        }
     }
 
     /// Refuses, before anything is allocated, a size of `bytes` that this file cannot hold or that exceeds
@@ -362,8 +383,8 @@ impl Payload {
     /// Reads the samples of one volume, x fastest.
     pub fn samples(self, layout: &Layout, is_text: bool, options: &ReadOptions) -> Result<Vec<f32>> {
         self.expect_numbers(layout, is_text, options)?;
-        let mut samples = reserve_samples(layout.voxels)?;
-        self.each(layout, is_text, options, &mut |sample| samples.push(sample))?;
+        let mut samples = reserve_samples(layout.voxels, options.max_bytes)?;
+        self.each(layout, is_text, options, |sample| samples.push(sample))?;
         Ok(samples)
     }
 
@@ -379,23 +400,20 @@ impl Payload {
         layout: &Layout,
         is_text: bool,
         options: &ReadOptions,
-        each: &mut dyn FnMut(f32),
+        each: impl FnMut(f32),
     ) -> Result<()> {
         self.expect_numbers(layout, is_text, options)?;
-        let mut sieve = Sieve { layout, at: 0, kept: 0, inexact: 0, overflow: None, each };
+        let mut sieve = Sieve { layout, at: 0, taken: Taken::new(layout, each) };
         let read = match is_text {
             true => self.read_text(&mut sieve),
             false => self.read_binary(&mut sieve),
         };
         read?;
-        if sieve.inexact > 0 {
-            let (path, inexact, name) = (self.path.display(), sieve.inexact, layout.element.name);
-            tracing::warn!("{path}: {inexact} {name} values lose precision as 32-bit real numbers");
-        }
+        sieve.taken.warn_of_precision(&self.path);
         self.finish(options.max_bytes)
     }
 
-    fn read_binary(&mut self, sieve: &mut Sieve) -> Result<()> {
+    fn read_binary(&mut self, sieve: &mut Sieve<impl FnMut(f32)>) -> Result<()> {
         let layout = sieve.layout;
         let width = layout.element.bytes;
         let mut block = vec![0; layout.numbers().min(BLOCK as u64) as usize * width];
@@ -412,13 +430,13 @@ impl Payload {
                 continue;
             }
             (layout.element.decode)(wanted, layout.big_endian, &mut |stored| sieve.take(stored));
-            sieve.check().map_err(|e| e.file(&self.path))?;
+            sieve.taken.check().map_err(|e| e.file(&self.path))?;
         }
         Ok(())
     }
 
     /// Reads numbers as text, with white space or commas between them.
-    fn read_text(&mut self, sieve: &mut Sieve) -> Result<()> {
+    fn read_text(&mut self, sieve: &mut Sieve<impl FnMut(f32)>) -> Result<()> {
         let layout = sieve.layout;
         let mut block = vec![0; BLOCK];
         let mut word = Vec::new();
@@ -451,7 +469,7 @@ impl Payload {
                 }
                 word.clear();
             }
-            sieve.check().map_err(|e| e.file(&self.path))?;
+            sieve.taken.check().map_err(|e| e.file(&self.path))?;
             if n == 0 {
                 break;
             }
@@ -466,40 +484,63 @@ impl Payload {
     }
 }
 
-/// Takes the values of a file one by one and passes those of the volume that is read to `each`.
-struct Sieve<'a> {
+/// Takes the values of a file one by one and keeps those of the volume that is read.
+struct Sieve<'a, F> {
     layout: &'a Layout,
     /// Number of values taken.
     at: u64,
-    /// Number of values passed on.
-    kept: usize,
+    taken: Taken<'a, F>,
+}
+
+impl<F: FnMut(f32)> Sieve<'_, F> {
+    fn take(&mut self, stored: f64) {
+        if self.layout.is_wanted(self.at) {
+            self.taken.take(stored);
+        }
+        self.at += 1;
+    }
+}
+
+/// Makes samples of stored values and passes them to `each`.
+pub(super) struct Taken<'a, F> {
+    layout: &'a Layout,
+    each: F,
+    /// Number of values.
+    count: usize,
     inexact: usize,
     /// The first voxel that is too large, and its value.
     overflow: Option<(usize, f64)>,
-    each: &'a mut dyn FnMut(f32),
 }
 
-impl Sieve<'_> {
-    fn take(&mut self, stored: f64) {
-        let wanted = self.layout.is_wanted(self.at);
-        self.at += 1;
-        if !wanted {
-            return;
-        }
-        let sample = stored as f32;
-        self.inexact += usize::from(self.layout.element.wide_integer && f64::from(sample) != stored);
+impl<'a, F: FnMut(f32)> Taken<'a, F> {
+    pub fn new(layout: &'a Layout, each: F) -> Self {
+        Taken { layout, each, count: 0, inexact: 0, overflow: None }
+    }
+
+    pub fn take(&mut self, stored: f64) {
+        let value = self.layout.scaling.map_or(stored, |(slope, inter)| slope * stored + inter);
+        let sample = value as f32;
+        self.inexact += usize::from(self.layout.element.wide_integer && f64::from(stored as f32) != stored);
         if sample.is_infinite() && stored.is_finite() && self.overflow.is_none() {
-            self.overflow = Some((self.kept, stored));
+            self.overflow = Some((self.count, value));
         }
-        self.kept += 1;
+        self.count += 1;
         (self.each)(sample);
     }
 
-    fn check(&self) -> Result<()> {
+    /// Refuses values that no sample holds.
+    pub fn check(&self) -> Result<()> {
         let Some((index, value)) = self.overflow else { return Ok(()) };
         let message = format!("voxel {index} is {value:e}, beyond the range of 32-bit real numbers");
         Err(Error::new(Kind::BadData, "VGS-VOL-022", message)
             .help("such values are no HU: clip or rescale the volume first"))
+    }
+
+    pub fn warn_of_precision(&self, path: &Path) {
+        if self.inexact > 0 {
+            let (path, inexact, name) = (path.display(), self.inexact, self.layout.element.name);
+            tracing::warn!("{path}: {inexact} {name} values lose precision as 32-bit real numbers");
+        }
     }
 }
 

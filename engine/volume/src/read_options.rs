@@ -1,8 +1,8 @@
 //! Options for reading a volume.
 
-use glam::{DAffine3, DVec3};
+use glam::DVec3;
 
-use super::LabelChoice;
+use super::{Grid, LabelChoice};
 use base::unit::Unit;
 
 /// Options for reading a volume.
@@ -16,6 +16,10 @@ pub struct ReadOptions {
     /// The series of a DICOM folder to read: its number in the list of [`super::dicom::list`], its UID, or a
     /// part of its description. Needed if there are several.
     pub series: Option<String>,
+    /// The resolution to read of a file that has several (OME-Zarr), counted from 0, the finest and the default.
+    pub level: Option<usize>,
+    /// The voxels to read, from the first up to the one before the last number along x, y and z; all if not given.
+    pub voxels: Option<[[usize; 2]; 3]>,
     /// True if damage that leaves every voxel readable is accepted: bytes after the compressed data, a wrong
     /// checksum (a voxel may then be wrong), a broken header extension.
     pub lenient: bool,
@@ -33,13 +37,17 @@ pub struct ReadOptions {
     pub frame_of_reference: Option<String>,
 }
 
-/// A regular grid.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct Grid {
+/// One resolution of a file that has several.
+#[derive(Clone, Debug, PartialEq, serde::Serialize)]
+pub struct Level {
     /// Voxel counts along x, y, z.
     pub size: [usize; 3],
-    /// Map from voxel index (centres at integers) to world, mm RAS.
-    pub world_from_voxel: DAffine3,
+    /// Distance of neighbouring voxels along x, y, z, mm.
+    pub spacing_mm: [f64; 3],
+    /// Voxels along x, y, z that are stored, and read, together.
+    pub chunk: [usize; 3],
+    /// Number of volumes, as of times and channels.
+    pub volumes: usize,
 }
 
 impl Default for ReadOptions {
@@ -48,6 +56,8 @@ impl Default for ReadOptions {
             max_bytes: 1 << 31,
             volume_index: None,
             series: None,
+            level: None,
+            voxels: None,
             lenient: false,
             spacing_mm: None,
             unit: None,

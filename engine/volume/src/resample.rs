@@ -58,6 +58,7 @@ impl Volume {
             labels: self.labels.clone(),
             frame_of_reference: self.frame_of_reference.clone(),
             stated_unit: Some(self.unit()),
+            part_of: None,
         }
     }
 

@@ -245,16 +245,20 @@ impl Read for Members {
     }
 }
 
-/// Returns an empty vector with room for `count` samples, or an error with the size if there is no memory for
-/// them.
-pub(super) fn reserve_samples(count: usize) -> Result<Vec<f32>> {
+/// Returns an empty vector with room for `count` samples.
+///
+/// # Errors
+/// [`Kind::BadData`] if they take more than `max_bytes`, [`Kind::HostMemory`] if there is no memory for them.
+pub(super) fn reserve_samples(count: usize, max_bytes: u64) -> Result<Vec<f32>> {
+    let bytes = 4 * count as u64;
+    if bytes > max_bytes {
+        let message = format!("takes {bytes} bytes in memory, more than the limit of {max_bytes}");
+        return Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
+            .help("if the size is right, raise the limit with --max-bytes, or read a part with --voxels"));
+    }
     let mut samples = Vec::new();
     samples.try_reserve_exact(count).map_err(|_| {
-        Error::new(
-            Kind::HostMemory,
-            "VGS-VOL-010",
-            format!("no memory for a volume of {} bytes", 4 * count as u64),
-        )
+        Error::new(Kind::HostMemory, "VGS-VOL-010", format!("no memory for a volume of {bytes} bytes"))
     })?;
     Ok(samples)
 }

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use flate2::Crc;
 use glam::{DAffine3, DVec3};
 
+use super::PartOf;
 use super::affine::{axis_codes_of, spacing_of};
 use super::interpolation::trilinear;
 use base::unit::Unit;
@@ -34,6 +35,8 @@ pub struct Volume {
     pub frame_of_reference: Option<String>,
     /// What the file, its name or the user says that the samples are numbers of; `None` if none of them says it.
     pub stated_unit: Option<Unit>,
+    /// The volume that this is a box of, if it was read as such.
+    pub part_of: Option<PartOf>,
 }
 
 /// Summary of the samples of a volume.
@@ -68,6 +71,7 @@ impl Volume {
             labels: BTreeMap::new(),
             frame_of_reference: None,
             stated_unit: None,
+            part_of: None,
         }
     }
 

@@ -1,7 +1,7 @@
 //! What the file says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the file.
-pub const GROUPS: [(&str, &str); 33] = [
+pub const GROUPS: [(&str, &str); 34] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -11,6 +11,7 @@ pub const GROUPS: [(&str, &str); 33] = [
     ("NRD", "NRRD files"),
     ("MHA", "MetaImage files"),
     ("NPY", "NumPy arrays"),
+    ("ZAR", "OME-Zarr images"),
     ("ROI", "masks and the region of interest"),
     ("INIT", "first splats"),
     ("FIT", "the fit"),
@@ -97,4 +98,5 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("VGS-VOL-008", "the file ends inside its compressed data"),
     ("VGS-VOL-025", "the grid of the voxels cannot be used"),
     ("VGS-XR-002", "there is no OpenXR runtime"),
+    ("VGS-ZAR-001", "no image at this path"),
 ];

@@ -20,8 +20,7 @@ use shared::help;
 use shared::signals;
 use shared::version::VERSION;
 
-/// Volumetric Gaussian splatting: splats with physical intensities for the region of interest of a CT or MR
-/// volume
+/// Volumetric Gaussian splatting: splats with physical intensities of regions of a CT or MR
 #[derive(Parser)]
 #[command(name = "vgs", version = VERSION, after_help = AFTER_HELP, max_term_width = 110)]
 struct Cli {
@@ -50,6 +49,7 @@ Splats: PLY and .vgs. Pictures: PNG and EXR. Pages: HTML. For looking, not for d
 enum Command {
     Fit(Box<commands::fit::FitArguments>),
     Batch(commands::fit::BatchArguments),
+    Blocks(commands::blocks::BlocksArguments),
     Eval(commands::eval::EvalArguments),
     Rasterize(commands::rasterize::RasterizeArguments),
     Render(Box<commands::render::RenderArguments>),
@@ -85,6 +85,7 @@ fn main() -> ExitCode {
         match cli.command {
             Command::Fit(arguments) => commands::fit::run(&arguments, &console),
             Command::Batch(arguments) => commands::fit::batch(&arguments, &console),
+            Command::Blocks(arguments) => commands::blocks::run(&arguments, &console),
             Command::Eval(arguments) => commands::eval::run(&arguments, &console),
             Command::Rasterize(arguments) => commands::rasterize::run(&arguments, &console),
             Command::Render(arguments) => commands::render::run(&arguments, &console),

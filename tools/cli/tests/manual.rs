@@ -3,8 +3,9 @@
 use crate::support::Folder;
 
 /// The commands that users type.
-const COMMANDS: [&str; 18] = [
+const COMMANDS: [&str; 19] = [
     "batch",
+    "blocks",
     "bake",
     "fit",
     "eval",

@@ -4,6 +4,7 @@
 mod arrows;
 mod bake;
 mod batch;
+mod blocks;
 mod compare;
 mod convert;
 mod dicom;
@@ -25,3 +26,4 @@ mod surroundings;
 mod told;
 mod view;
 mod whole;
+mod zarr;

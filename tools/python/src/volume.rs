@@ -8,7 +8,7 @@ use std::sync::Arc;
 use engine::input::Input;
 use engine::unit::Unit;
 use engine::volume::compare::{Normalisation, compare};
-use engine::volume::{self, Cleaning, LabelChoice, Labels, ReadOptions, nifti};
+use engine::volume::{self, Cleaning, LabelChoice, Labels, ReadOptions};
 use engine::{Error, Kind};
 use glam::{DAffine3, DMat3, DVec3};
 use numpy::ndarray::{Array2, Array3, ShapeBuilder};
@@ -97,12 +97,12 @@ impl Volume {
         Ok(Volume(Arc::new(volume)))
     }
 
-    /// Writes a NIfTI file.
+    /// Writes a file of NIfTI or a folder of OME-Zarr.
     #[pyo3(signature = (path, force))]
     fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
         unlocked(py, || {
-            nifti::check_name(&path)?;
-            nifti::write(&path, &self.0, force)
+            volume::check_output(&path, force)?;
+            volume::write(&path, &self.0, force)
         })
     }
 
@@ -189,12 +189,14 @@ impl From<File> for Input {
 
 /// Reads a volume from a file or a folder, as the keywords of `vgs.Volume`.
 #[pyfunction]
-#[pyo3(signature = (file, *, volume_index, series, voxel_mm, unit, lenient, max_bytes))]
+#[pyo3(signature = (file, *, volume_index, level, voxels, series, voxel_mm, unit, lenient, max_bytes))]
 #[expect(clippy::too_many_arguments, reason = "they are the flags of the command line")]
 pub fn read_volume<'py>(
     py: Python<'py>,
     file: File,
     volume_index: Option<usize>,
+    level: Option<usize>,
+    voxels: Option<[[usize; 2]; 3]>,
     series: Option<String>,
     voxel_mm: Option<[f64; 3]>,
     unit: Option<&str>,
@@ -204,6 +206,8 @@ pub fn read_volume<'py>(
     let default = ReadOptions::default();
     let options = ReadOptions {
         volume_index,
+        level,
+        voxels,
         series,
         spacing_mm: voxel_mm.map(DVec3::from_array),
         unit: unit.map(unit_of).transpose()?,

@@ -1,6 +1,6 @@
 """The native half of vgs (tools/python/src)."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -126,6 +126,8 @@ def read_volume(
     file: str | tuple[str, bytes],
     *,
     volume_index: int | None,
+    level: int | None,
+    voxels: Sequence[Sequence[int]] | None,
     series: str | None,
     voxel_mm: list[float] | None,
     unit: str | None,

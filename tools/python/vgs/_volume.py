@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import numbers
 import os
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, BinaryIO, Union
 
@@ -121,7 +121,7 @@ class Volume:
         return self._native().axis_codes
 
     def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
-        """Writes a NIfTI file (.nii or .nii.gz), float32; an existing one is kept unless ``force`` is set."""
+        """Writes NIfTI (.nii or .nii.gz) or OME-Zarr (.zarr, a folder), float32; an existing one is kept unless ``force`` is set."""
         self._native().save(os.fspath(path), force)
 
     def compare(
@@ -307,17 +307,22 @@ def read(
     path: FileLike,
     *,
     volume_index: int | None = None,
+    level: int | None = None,
+    voxels: Sequence[Sequence[int]] | None = None,
     series: str | int | None = None,
     voxel_mm: float | tuple[float, float, float] | None = None,
     unit: str | None = None,
     lenient: bool = False,
     max_bytes: int | None = None,
 ) -> Volume:
-    """Reads a volume: a file (NIfTI, NRRD, MetaImage, NumPy, InVesalius, DICOM) or a folder or zip of DICOM slices.
+    """Reads a volume: a file (NIfTI, NRRD, MetaImage, NumPy, InVesalius, DICOM), a folder or zip of DICOM slices, or OME-Zarr.
 
     Args:
         path: The file or the folder; or the bytes of one file, or such a file that is open (``io.BytesIO``).
         volume_index: Which volume of a series (4-D file), counted from 0.
+        level: Which resolution of an OME-Zarr image, from 0, the finest and the default.
+        voxels: Only these voxels: [first, end] along x, y, z, where end is the one behind the last. Of a file that is not
+            compressed, and of chunks, no others are read.
         series: Which series of a DICOM folder: its number in ``vgs info``, its UID, or a part of its description.
         voxel_mm: How far voxels are apart along x, y, z, mm, in a file that does not say (.npy, whose array is [z, y, x]).
         unit: ``"hu"`` or ``"arbitrary"``, where the file is wrong about it.
@@ -338,6 +343,8 @@ def read(
         **_vgs.read_volume(
             as_file(path),
             volume_index=volume_index,
+            level=level,
+            voxels=voxels,
             series=None if series is None else str(series),
             voxel_mm=edges,
             unit=unit,

@@ -120,6 +120,12 @@ impl Region {
         Region::in_box(self.bounds(), |voxel| object(voxel, self.at(voxel.map(i64::from))?))
     }
 
+    /// Returns the region on a larger grid, whose voxel `first` is the first of this one.
+    pub fn within(self, first: [u32; 3]) -> Region {
+        let moved = std::array::from_fn(|k| self.first[k] + first[k]);
+        if self.kinds.is_empty() { self } else { Region { first: moved, ..self } }
+    }
+
     /// Returns the region on a grid that has every `step`-th voxel along each axis.
     pub fn every(&self, step: u32) -> Region {
         let [first, end] = self.bounds();

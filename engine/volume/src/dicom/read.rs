@@ -321,7 +321,7 @@ fn volume(stack: &Stack, arrangement: &Arrangement, options: &ReadOptions) -> Re
         pixels::check(&frame.file)?;
     }
     let count = (bytes / 4) as usize;
-    let mut samples = reserve_samples(count)?;
+    let mut samples = reserve_samples(count, options.max_bytes)?;
     samples.resize(count, f32::NAN);
     let mut planes: Vec<Option<&mut [f32]>> = samples.chunks_mut(size[0] * size[1]).map(Some).collect();
     let mut files: BTreeMap<&Path, Vec<(&Frame, &mut [f32])>> = BTreeMap::new();

@@ -74,7 +74,7 @@ impl LabelMap {
             return Err(Error::new(Kind::BadData, "VGS-VOL-005", message)
                 .help("if the size is right, raise the limit with --max-bytes"));
         };
-        let mut values = reserve_samples(count)?;
+        let mut values = reserve_samples(count, options.max_bytes)?;
         values.resize(count, 0.0);
         let alone = structures.len() == 1 && options.labels == LabelChoice::Whole;
         let names = structures.iter().filter(|s| !s.name.is_empty());

@@ -17,7 +17,8 @@ use super::fields::FieldRow;
 use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
 use super::text_header::{Lines, check_grid, excerpt, names_several, open_beside, path_beside, reals};
-use super::{ReadOptions, Volume};
+use super::voxel_source::{VoxelSource, opened, without_voxels};
+use super::{Grid, ReadOptions, Volume};
 use base::input::Input;
 use base::unit::Unit;
 use base::{Error, Kind, Result};
@@ -158,8 +159,8 @@ pub(super) fn beside(path: &Path) -> Option<PathBuf> {
     path_beside(path, name).ok()
 }
 
-/// Reads one volume, as [`Volume::read`] does.
-pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
+/// Opens one volume, as [`Volume::open`] does.
+pub(super) fn open(input: &Input, options: &ReadOptions) -> Result<Box<dyn VoxelSource>> {
     let mut source = Source::open(input, options.lenient)?;
     let header = Header::read(&mut source)?;
     let element = header.element()?;
@@ -183,13 +184,14 @@ pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
     let run = x.saturating_mul(y).saturating_mul(z);
     let layout = Layout::new(element, big_endian, size, (volumes, run), options)?;
     let payload = header.open_payload(source, input, is_text, layout.bytes(), options)?;
-    let samples = payload.samples(&layout, is_text, options)?;
     let stated_unit = match header.field("Modality").map(str::to_uppercase).as_deref() {
         Some("MET_MOD_CT") => Some(Unit::Hu),
         Some("MET_MOD_MR" | "MET_MOD_US" | "MET_MOD_NM") => Some(Unit::Arbitrary),
         _ => None,
     };
-    Ok(Volume { oriented, stated_unit, ..Volume::new(size, affine, samples) })
+    let about = Volume { oriented, stated_unit, ..without_voxels() };
+    let grid = Grid { size, world_from_voxel: affine };
+    opened(input, about, grid, (layout, payload), is_text, options)
 }
 
 fn bad(code: &'static str, message: impl Into<String>) -> Error {

@@ -1,6 +1,6 @@
 //! NIfTI datatypes: which exist, which are scalar, and their conversion to f64.
 
-use crate::elements::{self, Decode, Element};
+use crate::elements::{self, Element};
 
 /// A datatype of the standard.
 #[derive(Debug)]
@@ -9,18 +9,16 @@ pub(super) struct Datatype {
     pub name: &'static str,
     /// Bytes of one voxel; 0 if the standard gives none.
     pub bytes: usize,
-    /// True if f32 may not hold every value exactly.
-    pub wide_integer: bool,
-    /// Decoder of the bytes, if a voxel is one number that this program can use.
-    pub decode: Option<Decode>,
+    /// Type of a voxel, if it is one number that this program can use.
+    pub element: Option<&'static Element>,
 }
 
 const fn row(code: i16, name: &'static str, bytes: usize) -> Datatype {
-    Datatype { code, name, bytes, wide_integer: false, decode: None }
+    Datatype { code, name, bytes, element: None }
 }
 
-const fn scalar(code: i16, of: &Element) -> Datatype {
-    Datatype { code, name: of.name, bytes: of.bytes, wide_integer: of.wide_integer, decode: Some(of.decode) }
+const fn scalar(code: i16, of: &'static Element) -> Datatype {
+    Datatype { code, name: of.name, bytes: of.bytes, element: Some(of) }
 }
 
 /// Every datatype of the standard.

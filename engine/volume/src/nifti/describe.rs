@@ -83,7 +83,7 @@ pub fn describe(input: impl Into<Input>) -> Result<Header> {
         voxel_file: (!h.single_file).then_some(opened.voxels.path),
         datatype: h.datatype.name,
         datatype_code: h.datatype.code,
-        scalar: h.datatype.decode.is_some(),
+        scalar: h.datatype.element.is_some(),
         vox_offset: h.vox_offset,
         spacing_mm: spacing_of(&h.affine).to_array(),
         affine: std::array::from_fn(|r| [x[r], y[r], z[r], t[r]]),

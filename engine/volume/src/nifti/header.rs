@@ -154,11 +154,6 @@ impl Parsed {
         self.dims[..3].iter().product()
     }
 
-    /// Returns the size of one volume as stored, in bytes.
-    pub fn volume_bytes(&self) -> u64 {
-        self.voxels() as u64 * self.datatype.bytes as u64
-    }
-
     /// Returns true if the description has the times of a sequence, as converters of DICOM write them: an MR.
     pub fn is_mr(&self) -> bool {
         self.description.split([';', ' ', ',']).any(|word| word.starts_with("TE=") || word.starts_with("TR="))

@@ -24,7 +24,7 @@ mod write;
 pub use describe::{Header, describe};
 pub(super) use header::{FIELDS, sniff};
 pub(super) use open::beside;
-pub(super) use read::read;
+pub(super) use read::open;
 pub use write::{check_name, write};
 
 #[cfg(test)]

@@ -316,7 +316,7 @@ fn malformed_files_are_refused() {
             "not a rotation",
         ),
         ("truncated", good[..390].to_vec(), "VGS-VOL-006", "expected 400 bytes, got 390"),
-        ("truncated in gzip", gzip(&good[..390]), "VGS-VOL-006", "expected 400 bytes, got 390"),
+        ("truncated in gzip", gzip(&good[..390]), "VGS-VOL-006", "expected 48 bytes of voxels, got 38"),
         ("gzip cut", cut, "VGS-VOL-008", "ends inside"),
         ("gzip in gzip", gzip(&gzip(&good)), "VGS-VOL-004", "gzip inside gzip"),
         ("gzip CRC", flipped, "VGS-VOL-007", "damaged gzip"),
@@ -331,7 +331,7 @@ fn malformed_files_are_refused() {
                     (0..24).flat_map(|i| (if i == 5 { 1e300 } else { 0.0_f64 }).to_le_bytes()).collect();
             })
             .bytes(),
-            "VGS-NII-017",
+            "VGS-VOL-022",
             "voxel 5 is 1e300",
         ),
     ];
@@ -400,7 +400,7 @@ fn one_volume_of_a_series() {
         match (read_both("a.nii", &series.bytes(), &options), expected) {
             (Ok(v), Ok(first)) => assert_eq!((v.size, v.samples[0]), ([4, 3, 1], first)),
             (Err(e), Err(())) => {
-                assert_eq!((e.kind, e.code), (Kind::Usage, "VGS-NII-016"));
+                assert_eq!((e.kind, e.code), (Kind::Usage, "VGS-VOL-020"));
                 assert!(e.help.contains("--volume-index 0..1"), "{}", e.help);
             }
             (found, _) => panic!("{index:?}: {found:?}"),

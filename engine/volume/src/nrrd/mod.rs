@@ -21,7 +21,8 @@ use self::header::{Encoding, Header, bad, several_files};
 use super::payload::{Layout, Packing, Payload};
 use super::source::Source;
 use super::text_header::{check_grid, excerpt, names_several, open_beside, path_beside, skip_lines};
-use super::{ReadOptions, Volume};
+use super::voxel_source::{VoxelSource, opened, without_voxels};
+use super::{Grid, ReadOptions, Volume};
 use base::input::Input;
 use base::unit::Unit;
 use base::{Error, Result};
@@ -37,8 +38,8 @@ pub(super) fn beside(path: &Path) -> Option<PathBuf> {
     path_beside(path, header.field("data file")?).ok()
 }
 
-/// Reads one volume, as [`Volume::read`] does.
-pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
+/// Opens one volume, as [`Volume::open`] does.
+pub(super) fn open(input: &Input, options: &ReadOptions) -> Result<Box<dyn VoxelSource>> {
     let mut source = Source::open(input, options.lenient)?;
     let header = Header::read(&mut source)?;
     let mut notes = Vec::new();
@@ -60,12 +61,13 @@ pub(super) fn read(input: &Input, options: &ReadOptions) -> Result<Volume> {
         tracing::warn!("{}: {note}", input.name().display());
     }
     let payload = open_payload(&header, source, input, encoding, layout.bytes(), options)?;
-    let samples = payload.samples(&layout, encoding == Encoding::Text, options)?;
     let stated_unit = header.field("sample units").and_then(|text| {
         let name = text.trim_matches('"').to_lowercase();
         (name == "hu" || name.starts_with("hounsfield")).then_some(Unit::Hu)
     });
-    Ok(Volume { oriented, labels, stated_unit, ..Volume::new(axes.size, affine, samples) })
+    let about = Volume { oriented, labels, stated_unit, ..without_voxels() };
+    let grid = Grid { size: axes.size, world_from_voxel: affine };
+    opened(input, about, grid, (layout, payload), encoding == Encoding::Text, options)
 }
 
 /// Opens the voxels and skips the bytes before them.

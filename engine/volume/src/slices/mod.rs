@@ -106,6 +106,7 @@ impl FinerSlices {
             labels: volume.labels.clone(),
             frame_of_reference: volume.frame_of_reference.clone(),
             stated_unit: Some(volume.unit()),
+            part_of: None,
         }
     }
 

@@ -1,6 +1,7 @@
 //! One file or folder for each command: its flags, and `run`. No command uses another.
 
 pub mod bake;
+pub mod blocks;
 pub mod compare;
 pub mod completions;
 #[cfg(feature = "window")]

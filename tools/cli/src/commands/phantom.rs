@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use clap::Args;
 use engine::volume::phantom::Phantom;
-use engine::volume::{Volume, nifti};
+use engine::volume::{self, Volume};
 use engine::{Error, Kind};
 use glam::DVec3;
 
@@ -17,7 +17,7 @@ use crate::shared::outputs;
 #[derive(Args, Debug)]
 #[command(after_help = EXAMPLES)]
 pub struct PhantomArguments {
-    /// The CT (.nii or .nii.gz), or a folder for ct.nii.gz and mask.nii.gz, made if missing
+    /// The CT (.nii, .nii.gz or .zarr), or a folder for ct.nii.gz and mask.nii.gz, made if missing
     #[arg(short, long, value_name = "CT|FOLDER", help_heading = "Output")]
     output: PathBuf,
     /// The mask, if the CT was named
@@ -63,12 +63,12 @@ fn size(text: &str) -> Result<[usize; 3], String> {
 /// Runs the command.
 pub fn run(arguments: &PhantomArguments, console: &Console) -> Result<u8, Stop> {
     let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    let is_file = name.ends_with(".nii") || name.ends_with(".nii.gz");
-    let (ct, mask) = match (is_file && !arguments.output.is_dir(), &arguments.mask) {
+    let is_file = [".nii", ".nii.gz", ".zarr"].iter().any(|ending| name.ends_with(ending));
+    let (ct, mask) = match (is_file, &arguments.mask) {
         (true, mask) => (arguments.output.clone(), mask.clone()),
         (false, None) => (arguments.output.join("ct.nii.gz"), Some(arguments.output.join("mask.nii.gz"))),
         (false, Some(_)) => {
-            let message = "--mask goes with a CT that ends in .nii or .nii.gz, not with a folder";
+            let message = "--mask goes with a CT that ends in .nii, .nii.gz or .zarr, not with a folder";
             return Err(Error::new(Kind::Usage, "VGS-CLI-060", message).file(&arguments.output).into());
         }
     };
@@ -83,9 +83,9 @@ pub fn run(arguments: &PhantomArguments, console: &Console) -> Result<u8, Stop> 
     let volume = phantom.volume();
     let roi = phantom.roi()?;
     let voxels = roi.voxel_count();
-    nifti::write(&ct, &volume, arguments.force)?;
+    volume::write(&ct, &volume, arguments.force)?;
     if let Some(path) = &mask {
-        nifti::write(path, &Volume { samples: roi.weight, ..volume }, arguments.force)?;
+        volume::write(path, &Volume { samples: roi.weight, ..volume }, arguments.force)?;
     }
     let written: Vec<_> = files.iter().map(|p| p.display().to_string()).collect();
     if console.json {

@@ -6,7 +6,7 @@ use clap::{ArgGroup, Args, ValueEnum};
 use engine::fit::place::place;
 use engine::rasterize::{self, grid_around, rasterize};
 use engine::splat::{SplatSet, Unplaced};
-use engine::volume::{Volume, nifti};
+use engine::volume::{self, Volume};
 use engine::{Error, Kind, Result};
 use glam::DVec3;
 
@@ -26,7 +26,7 @@ pub struct RasterizeArguments {
     grid: GridArguments,
     #[command(flatten)]
     region: FittedRegion,
-    /// Where the volume goes: .nii or .nii.gz, float32
+    /// Where the volume goes, float32: .nii, .nii.gz, or .zarr (OME-Zarr)
     #[arg(short, long, value_name = "OUT.nii.gz", help_heading = "Output")]
     output: PathBuf,
     /// Replaces an output that exists
@@ -98,7 +98,7 @@ Examples:
   vgs rasterize bones.ply --like ct.nii.gz -o bones.nii.gz
   vgs rasterize bones.ply --like ct.nii.gz -o mask.nii.gz --quantity occupancy
   vgs rasterize bones.ply --like ct.nii.gz -o field.nii.gz --quantity field       to compare with ct.nii.gz
-  vgs rasterize bones.ply --spacing 0.5 -o fine.nii.gz
+  vgs rasterize bones.ply --spacing 0.5 -o fine.zarr
   vgs rasterize theirs.ply --like ct.nii.gz --roi bones.nii.gz -o theirs.nii.gz     a PLY of the paper's authors";
 
 /// Runs the command.
@@ -107,11 +107,7 @@ pub fn run(arguments: &RasterizeArguments, console: &Console) -> std::result::Re
     inputs.extend(arguments.grid.like.as_deref());
     inputs.extend(arguments.region.roi.as_deref());
     outputs::check(&[&arguments.output], &inputs, arguments.force)?;
-    let name = arguments.output.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
-    if !(name.ends_with(".nii") || name.ends_with(".nii.gz")) {
-        let message = "the name of the volume must end in .nii or .nii.gz";
-        return Err(Error::new(Kind::Usage, "VGS-CLI-050", message).file(&arguments.output).into());
-    }
+    volume::check_output(&arguments.output, arguments.force)?;
     let read = splat_files::read_with_intensity(&arguments.splats)?;
     let (set, mut volume) = arguments.place(read)?;
     let gpu = arguments.device.boot()?;
@@ -120,7 +116,7 @@ pub fn run(arguments: &RasterizeArguments, console: &Console) -> std::result::Re
     if filled == 0 {
         tracing::warn!("no splat reaches the grid: every voxel is {}", volume.samples[0]);
     }
-    nifti::write(&arguments.output, &volume, arguments.force)?;
+    volume::write(&arguments.output, &volume, arguments.force)?;
     let [x, y, z] = volume.size;
     if console.json {
         console.json_data(&serde_json::json!({

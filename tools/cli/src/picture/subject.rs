@@ -64,6 +64,7 @@ impl Subject {
             labels: Default::default(),
             frame_of_reference: volume.frame_of_reference.clone(),
             stated_unit: volume.stated_unit,
+            part_of: None,
         };
         let least = ct.min_max().map_or(0.0, |range| range.0);
         ct.samples.iter_mut().filter(|v| !v.is_finite()).for_each(|v| *v = least);

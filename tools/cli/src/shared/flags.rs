@@ -89,6 +89,20 @@ impl FromStr for Corners {
     }
 }
 
+/// Parses the first voxel and the one behind the last along each axis, as `0:512,100:400,0:90`.
+pub fn voxels(text: &str) -> Result<[[usize; 2]; 3], String> {
+    let ends = |range: &str| {
+        let (first, end) = range.split_once(':')?;
+        let ends = [first.trim().parse().ok()?, end.trim().parse().ok()?];
+        (ends[0] < ends[1]).then_some(ends)
+    };
+    let ranges: Option<Vec<[usize; 2]>> = text.split(',').map(ends).collect();
+    let ranges = ranges.and_then(|ranges| ranges.try_into().ok());
+    ranges.ok_or_else(|| {
+        "three ranges are needed, the first number below the second: 0:512,100:400,0:90".into()
+    })
+}
+
 /// Parses `LOW,HIGH`.
 pub fn pair(text: &str) -> Result<[f32; 2], String> {
     let numbers: Result<Vec<f32>, _> = text.split(',').map(|t| t.trim().parse::<f32>()).collect();
@@ -236,6 +250,23 @@ mod tests {
         assert_eq!(any_range("own"), Ok(Range::Own));
         assert!(range_or_roi("own").is_err_and(|e| e.contains("or roi")));
         assert!(any_range("mine").is_err_and(|e| e.contains("or roi or own")));
+    }
+
+    #[test]
+    fn ranges_of_voxels() {
+        assert_eq!(voxels("0:512, 100:400,0:1"), Ok([[0, 512], [100, 400], [0, 1]]));
+        for text in [
+            "",
+            "0:5",
+            "0:5,0:5",
+            "0:5,0:5,5:5",
+            "0:5,0:5,6:5",
+            "0:5,0:5,-1:5",
+            "0:5,0:5,0:5,0:5",
+            "0-5,0:5,0:5",
+        ] {
+            assert!(voxels(text).is_err(), "{text}");
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use clap::{Arg, Command};
 
 /// The commands, by what a user wants to do.
 const TASKS: &[(&str, &[&str])] = &[
-    ("From a scan to splats", &["info", "fit", "batch", "convert", "bake"]),
+    ("From a scan to splats", &["info", "fit", "batch", "blocks", "convert", "bake"]),
     ("To look at", &["view", "render", "page", "pack"]),
     ("To measure", &["stats", "eval", "compare", "rasterize"]),
     ("To set up and to try", &["devices", "explain", "phantom", "completions", "man"]),

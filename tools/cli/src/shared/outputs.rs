@@ -3,6 +3,7 @@
 use std::path::{Path, PathBuf};
 
 use engine::output::{check_writable, same_file};
+use engine::volume::check_output;
 use engine::{Error, Kind, Result};
 
 /// Returns an error for outputs that cannot be written, that are also inputs, or that have the same name.
@@ -18,7 +19,8 @@ pub fn check(outputs: &[&Path], inputs: &[&Path], force: bool) -> Result<()> {
                 .file(output)
                 .help("choose another name for the output"));
         }
-        check_writable(output, force)?;
+        let is_folder = output.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zarr"));
+        if is_folder { check_output(output, force)? } else { check_writable(output, force)? }
     }
     Ok(())
 }

@@ -1,5 +1,6 @@
 //! The readers that are fuzzed.
 
+use std::io::{Cursor, Read};
 use std::sync::LazyLock;
 
 use engine::fit::{FitConfig, FitState};
@@ -11,7 +12,7 @@ use engine::{Error, Kind, Result, image, transfer};
 use view::Settings;
 use view::model::state::ViewState;
 
-use crate::seeds::{self, dicom, splats};
+use crate::seeds::{self, BETWEEN, STORE, dicom, splats};
 
 /// Bytes that a volume may take here; a larger claim is refused.
 pub const VOLUME_BYTES: u64 = 32 << 20;
@@ -63,6 +64,7 @@ pub const TARGETS: &[Target] = &[
     in_memory("npy", "npy", seeds::npy, volume),
     in_memory("inv3", "inv3", seeds::inv3, volume),
     reader("dicom", "dcm", dicom::slice, volume),
+    in_memory("zarr", "store", seeds::zarr, store),
     in_memory("dicom-zip", "zip", dicom::zip, volume),
     reader("dicom-seg", "dcm", dicom::segmentation, mask),
     reader("rtstruct", "dcm", dicom::contours, mask),
@@ -93,6 +95,27 @@ fn volume(input: &Input) -> Result<()> {
         let _ = Volume::read(input, &ReadOptions { lenient: true, volume_index: Some(0), ..options });
     }
     strict
+}
+
+/// Reads the files of a store, which are in one, as a zip of them.
+fn store(input: &Input) -> Result<()> {
+    let mut bytes = Vec::new();
+    let read = input.open().and_then(|mut stream| stream.read_to_end(&mut bytes));
+    read.map_err(|e| Error::io(input.name(), "reading", &e))?;
+    let at: Vec<usize> = bytes
+        .windows(BETWEEN.len())
+        .enumerate()
+        .filter(|(_, w)| *w == BETWEEN)
+        .map(|(i, _)| i)
+        .take(2)
+        .collect();
+    let mut files = Vec::new();
+    let mut start = 0;
+    for (name, end) in STORE.into_iter().zip(at.into_iter().chain([bytes.len()])) {
+        files.push((name.to_owned(), bytes.get(start..end).unwrap_or_default().to_vec()));
+        start = end + BETWEEN.len();
+    }
+    volume(&Input::of(Cursor::new(dicom::zipped(&files, zip::CompressionMethod::Stored)), "a.zarr.zip"))
 }
 
 /// The volume that masks are read for.

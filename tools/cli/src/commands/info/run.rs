@@ -8,7 +8,7 @@ use engine::splat::{self, LabelCount, Summary};
 use engine::unit::Unit;
 use engine::volume::dicom::{self, StackSummary, Structure};
 use engine::volume::nifti::{self, Header};
-use engine::volume::{Format, LabelChoice, PresentLabel, ReadOptions, Roi, Stats, Volume, inv3};
+use engine::volume::{self, Format, LabelChoice, Level, PresentLabel, ReadOptions, Roi, Stats, Volume, inv3};
 use engine::{Error, Kind, Result};
 use serde::Serialize;
 
@@ -48,27 +48,34 @@ Examples:
 #[serde(tag = "kind", rename_all = "lowercase")]
 enum FileContent {
     Splats(Box<Summary>),
-    Volume {
-        /// Name of the format, if no header has it.
-        #[serde(rename = "file_format", skip_serializing_if = "Option::is_none")]
-        format: Option<&'static str>,
-        #[serde(flatten)]
-        header: Option<Box<Header>>,
-        /// Series of a DICOM folder.
-        #[serde(skip_serializing_if = "Vec::is_empty")]
-        series: Vec<StackSummary>,
-        /// Labels of a mask with their names, as the file lists them.
-        #[serde(skip_serializing_if = "Vec::is_empty")]
-        structures: Vec<Structure>,
-        /// Labels that some voxels have.
-        #[serde(skip_serializing_if = "Option::is_none")]
-        present: Option<Vec<PresentLabel>>,
-        /// Text behind an intensity of `present`.
-        #[serde(skip)]
-        unit: &'static str,
-        #[serde(flatten)]
-        voxels: Option<Box<Voxels>>,
-    },
+    Volume(Box<VolumeContent>),
+}
+
+/// What a volume's file says, and what its voxels are.
+#[derive(Default, Serialize)]
+struct VolumeContent {
+    /// Name of the format, if no header has it.
+    #[serde(rename = "file_format", skip_serializing_if = "Option::is_none")]
+    format: Option<&'static str>,
+    #[serde(flatten)]
+    header: Option<Box<Header>>,
+    /// Resolutions of a file that has several, finest first.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    levels: Vec<Level>,
+    /// Series of a DICOM folder.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    series: Vec<StackSummary>,
+    /// Labels of a mask with their names, as the file lists them.
+    #[serde(skip_serializing_if = "Vec::is_empty")]
+    structures: Vec<Structure>,
+    /// Labels that some voxels have.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    present: Option<Vec<PresentLabel>>,
+    /// Text behind an intensity of `present`.
+    #[serde(skip)]
+    unit: &'static str,
+    #[serde(flatten)]
+    voxels: Option<Box<Voxels>>,
 }
 
 /// Grid and statistics of a readable volume.
@@ -139,31 +146,50 @@ fn read_content(path: &Path, read: &ReadArguments, of: Option<&Volume>) -> Resul
     }
     let header = nifti::describe(path).ok().map(Box::new);
     if header.as_ref().is_some_and(|h| !h.scalar) {
-        return Ok(FileContent::Volume {
-            format: None,
-            header,
-            series: Vec::new(),
-            structures: Vec::new(),
-            present: None,
-            unit: "",
-            voxels: None,
-        });
+        return Ok(volume_content(VolumeContent { header, ..VolumeContent::default() }));
     }
     if header.as_ref().is_some_and(|h| h.dims.iter().skip(3).product::<usize>() > 1) {
         options.volume_index = options.volume_index.or(Some(0));
     }
+    let levels = volume::levels(path)?;
+    if levels.iter().any(|level| level.volumes > 1) {
+        options.volume_index = options.volume_index.or(Some(0));
+    }
+    if !levels.is_empty() && options.level.is_none() {
+        options.level = readable(&levels, options.max_bytes);
+    }
+    if !levels.is_empty() && options.level.is_none() && options.voxels.is_none() {
+        // The list is the answer.
+        return Ok(volume_content(VolumeContent {
+            format: Some(Format::of(path, &options)?.name),
+            levels,
+            ..VolumeContent::default()
+        }));
+    }
     let volume = Volume::read(path, &options).map_err(|e| not_splats_either(e, path))?;
     let format = if header.is_some() { None } else { Some(Format::of(path, &options)?.name) };
     let structures = if header.is_some() { Vec::new() } else { labels_of(&volume) };
-    Ok(FileContent::Volume {
+    Ok(volume_content(VolumeContent {
         format,
         header,
-        series: Vec::new(),
+        levels,
         structures,
         present: present(&volume, of, path)?,
         unit: of.map_or("", |of| of.unit().text()),
         voxels: Some(Voxels::of(&volume)),
-    })
+        ..VolumeContent::default()
+    }))
+}
+
+fn volume_content(content: VolumeContent) -> FileContent {
+    FileContent::Volume(Box::new(content))
+}
+
+/// Returns the finest resolution that may be read; `None` if there is none.
+fn readable(levels: &[Level], max_bytes: u64) -> Option<usize> {
+    let bytes =
+        |level: &Level| level.size.iter().fold(4, |bytes: u64, &side| bytes.saturating_mul(side as u64));
+    levels.iter().position(|level| bytes(level) <= max_bytes)
 }
 
 /// Returns the labels that voxels of a file have, if it is a mask of labels.
@@ -192,15 +218,14 @@ fn dicom_content(
             Err(error) if error.kind == Kind::Usage => None,
             mask => Some(mask?),
         };
-        return Ok(FileContent::Volume {
+        return Ok(volume_content(VolumeContent {
             format: Some(format),
-            header: None,
-            series: Vec::new(),
             structures,
             present: mask.as_ref().map(|mask| present(mask, of, path)).transpose()?.flatten(),
             unit: of.map_or("", |of| of.unit().text()),
             voxels: mask.as_ref().map(Voxels::of),
-        });
+            ..VolumeContent::default()
+        }));
     }
     let series = dicom::list(path, options)?;
     let voxels = match Volume::read(path, options) {
@@ -213,15 +238,7 @@ fn dicom_content(
         }
         Err(error) => return Err(error),
     };
-    Ok(FileContent::Volume {
-        format: Some(format),
-        header: None,
-        series,
-        structures: Vec::new(),
-        present: None,
-        unit: "",
-        voxels,
-    })
+    Ok(volume_content(VolumeContent { format: Some(format), series, voxels, ..VolumeContent::default() }))
 }
 
 /// Returns the names of labels that the file has.
@@ -274,7 +291,10 @@ fn text(content: &FileContent) -> Lines {
     let mut out = Lines(String::new());
     match content {
         FileContent::Splats(summary) => splat_lines(summary, &mut out),
-        FileContent::Volume { format, header, series, structures, present, unit, voxels } => {
+        FileContent::Volume(content) => {
+            let VolumeContent { format, header, levels, series, structures, present, unit, voxels } =
+                &**content;
+            level_lines(levels, &mut out);
             let named: Vec<String> = match header {
                 Some(h) => h.labels.iter().map(|(number, name)| format!("{number} {name}")).collect(),
                 None => structures.iter().map(|s| format!("{} {}", s.number, s.name)).collect(),
@@ -382,6 +402,16 @@ fn volume_lines(
     }
     for note in &h.notes {
         out.add("note", note);
+    }
+}
+
+/// Lists the resolutions of a file.
+fn level_lines(levels: &[Level], out: &mut Lines) {
+    for (number, level) in levels.iter().enumerate() {
+        let volumes = if level.volumes > 1 { format!(", {} volumes", level.volumes) } else { String::new() };
+        let chunk = format!("chunks of {}{volumes}", joined(&level.chunk, " x "));
+        let (size, spacing) = (joined(&level.size, " x "), rounded(&level.spacing_mm));
+        out.add(&format!("level {number}"), format!("{size} voxels, {spacing} mm, {chunk}"));
     }
 }
 

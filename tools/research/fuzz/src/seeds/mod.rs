@@ -5,7 +5,7 @@ use std::path::Path;
 
 use engine::image::{self, Image};
 use engine::transfer::{self, PRESETS, preset};
-use engine::volume::{Volume, nifti};
+use engine::volume::{Volume, nifti, zarr};
 use exr::prelude::{Encoding, Layer, LayerAttributes, SpecificChannels, Vec2, WritableImage};
 use flate2::write::{GzEncoder, ZlibEncoder};
 use flate2::{Compression, Crc};
@@ -39,6 +39,37 @@ const SIZE: [usize; 3] = [4, 3, 2];
 
 fn samples() -> Vec<i16> {
     (0..24).map(|i| i * 50 - 300).collect()
+}
+
+/// What stands between the files of a store of Zarr, of which a seed has all: the group, its array, and a chunk.
+pub const BETWEEN: &[u8] = b"\n---\n";
+/// The names of these files.
+pub const STORE: [&str; 3] = ["zarr.json", "0/zarr.json", "0/c/0/0/0"];
+
+/// Stores of Zarr: of this project, and one of version 0.4 of the attributes with a chunk that is not compressed.
+///
+/// # Panics
+/// As [`written`].
+pub fn zarr() -> Vec<Vec<u8>> {
+    let folder = tempfile::tempdir().expect("a folder");
+    let path = folder.path().join("a.zarr");
+    let affine = DAffine3::from_scale(DVec3::new(-1.0, -1.5, 2.0));
+    let volume = Volume::new(SIZE, affine, samples().into_iter().map(f32::from).collect());
+    zarr::write(&path, &volume, true).expect("valid content");
+    let [group, array, chunk] = STORE.map(|name| std::fs::read(path.join(name)).expect("what was written"));
+    let plain = br#"{"zarr_format": 3, "node_type": "array", "shape": [2, 3, 4], "data_type": "int16",
+        "chunk_grid": {"name": "regular", "configuration": {"chunk_shape": [2, 3, 4]}},
+        "chunk_key_encoding": {"name": "default", "configuration": {"separator": "/"}}, "fill_value": -7,
+        "codecs": [{"name": "bytes", "configuration": {"endian": "little"}}]}"#;
+    let image = br#"{"zarr_format": 3, "node_type": "group", "attributes": {"multiscales": [{"axes": [
+        {"name": "z", "type": "space", "unit": "micrometer"}, {"name": "y", "type": "space"},
+        {"name": "x", "type": "space"}], "datasets": [{"path": "0", "coordinateTransformations": [
+        {"type": "scale", "scale": [2, 1.5, 1]}, {"type": "translation", "translation": [1, 2, 3]}]}],
+        "coordinateTransformations": [{"type": "identity"}]}]}}"#;
+    vec![
+        [&group, BETWEEN, &array, BETWEEN, &chunk].concat(),
+        [&image[..], BETWEEN, plain, BETWEEN, &voxels()].concat(),
+    ]
 }
 
 /// Returns the voxels as a file has them.

@@ -1,0 +1,216 @@
+//! Divides the region of a large scan into blocks, as cases of a batch (`vgs blocks`).
+
+use std::path::{Path, PathBuf};
+
+use clap::{ArgGroup, Args};
+use engine::output::write_atomic;
+use engine::volume::{Grid, LabelChoice, Roi, Volume, VoxelSource};
+use engine::{Error, Kind, Result};
+
+use crate::shared::console::Console;
+use crate::shared::failure::Stop;
+use crate::shared::figures::bytes;
+use crate::shared::flags::pair;
+use crate::shared::inputs::ReadArguments;
+use crate::shared::outputs;
+use crate::shared::waiting::Waiting;
+
+/// Divides the region of a large scan into blocks, as a table of cases for vgs batch
+#[derive(Args, Debug)]
+#[command(after_help = EXAMPLES, group = ArgGroup::new("region").required(true).args(["roi", "roi_threshold"]))]
+pub struct BlocksArguments {
+    /// The volume: OME-Zarr, or a file that is not compressed; of others each block is read whole
+    volume: PathBuf,
+    /// Mask of one structure, on the grid of the volume
+    #[arg(long, value_name = "MASK", help_heading = "Region of interest")]
+    roi: Option<PathBuf>,
+    /// Instead of a mask: the voxels from LOW to HIGH, HU
+    #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true,
+          help_heading = "Region of interest")]
+    roi_threshold: Option<[f32; 2]>,
+    /// Longest edge of a block, voxels
+    #[arg(long, value_name = "VOXELS", default_value_t = 128, value_parser = clap::value_parser!(u32).range(16..=1024))]
+    edge: u32,
+    /// The table (CSV)
+    #[arg(short, long, value_name = "CASES.csv", help_heading = "Output")]
+    output: PathBuf,
+    /// Replaces the table where it exists
+    #[arg(short, long, help_heading = "Output")]
+    force: bool,
+    #[command(flatten)]
+    read: ReadArguments,
+}
+
+const EXAMPLES: &str = "\
+Examples:
+  vgs blocks scan.zarr --roi scan.zarr/labels/bone -o blocks.csv
+  vgs batch blocks.csv -o bone --format vgs -- --quality standard
+  vgs view bone/*.vgs
+
+A block is fitted to the region inside of it alone, and shown there alone, so blocks need not know of each other: they can be
+fitted in any order, by --shard also at once, and show no seam. Memory holds one block and the next.";
+
+/// A block that has voxels of the region.
+struct Block {
+    /// The first voxel, and the one behind the last, along x, y, z, of the box around the region in the block.
+    ends: [[usize; 2]; 3],
+    /// Voxels of the region.
+    voxels: usize,
+}
+
+/// Runs the command.
+pub fn run(arguments: &BlocksArguments, console: &Console) -> std::result::Result<u8, Stop> {
+    let mut inputs = vec![arguments.volume.as_path()];
+    inputs.extend(arguments.roi.as_deref());
+    outputs::check(&[&arguments.output], &inputs, arguments.force)?;
+    let options = arguments.read.options();
+    let volume = Volume::open(&arguments.volume, &options)?;
+    let mask = arguments.roi.as_ref().map(|path| Volume::open(path, &options)).transpose()?;
+    let grid = volume.grid();
+    if let (Some(mask), Some(path)) = (&mask, &arguments.roi)
+        && !grid.has_box(mask.grid().size.map(|end| [0, end]), &mask.grid())
+    {
+        let message = "the mask is on another grid than the volume";
+        return Err(Error::new(Kind::BadData, "VGS-CLI-190", message)
+            .file(path)
+            .help("resample it to the volume; vgs fit does so with what memory holds")
+            .into());
+    }
+    let _waiting = Waiting::on(format!("looking for the region in {}", arguments.volume.display()));
+    let mut blocks = Vec::new();
+    for ends in boxes(&grid, arguments.edge as usize, arguments.read.voxels) {
+        let roi = match arguments.roi_threshold {
+            Some([low, high]) => Roi::from_threshold(&boxed(&*volume, ends)?, low, high),
+            None => {
+                let mask = boxed(mask.as_deref().unwrap_or(&*volume), ends)?;
+                let nothing = Volume::new(mask.size, mask.world_from_voxel, vec![0.0; mask.len()]);
+                Roi::from_mask(&mask, &LabelChoice::Whole, &nothing)
+            }
+        };
+        match roi {
+            Ok(roi) => blocks.push(Block::around(&roi, ends)),
+            Err(error) if error.kind == Kind::NothingToDo => {}
+            Err(error) => {
+                return Err(error.or_file(arguments.roi.as_ref().unwrap_or(&arguments.volume)).into());
+            }
+        }
+    }
+    if blocks.is_empty() {
+        let message = "the region of interest is empty";
+        return Err(Error::new(Kind::NothingToDo, "VGS-CLI-191", message)
+            .file(&arguments.volume)
+            .help("check the mask or the threshold")
+            .into());
+    }
+    let table = arguments.table(&blocks)?;
+    write_atomic(&arguments.output, arguments.force, |out| out.write_all(table.as_bytes()))?;
+    let voxels: usize = blocks.iter().map(|block| block.voxels).sum();
+    let most = blocks.iter().map(|block| block.ends.map(|[first, end]| end - first).iter().product()).max();
+    let most: usize = most.unwrap_or_default();
+    if console.json {
+        console.json_data(&serde_json::json!({
+            "blocks": blocks.len(),
+            "voxels": voxels,
+            "largest_block_voxels": most,
+            "outputs": [arguments.output.display().to_string()],
+        }))?;
+    } else {
+        console.say(&format!(
+            "{}: {} blocks with {voxels} voxels of the region; the largest takes {} in memory",
+            arguments.output.display(),
+            blocks.len(),
+            bytes(4 * most as u64)
+        ));
+    }
+    Ok(0)
+}
+
+/// Returns blocks of at most `edge` voxels along each axis, as equal as they can be, z slowest; of the whole grid or of the
+/// box `within`.
+fn boxes(grid: &Grid, edge: usize, within: Option<[[usize; 2]; 3]>) -> impl Iterator<Item = [[usize; 2]; 3]> {
+    let within = within.unwrap_or_else(|| grid.size.map(|end| [0, end]));
+    let cuts = within.map(|[first, end]| {
+        let length = end.saturating_sub(first);
+        let count = length.div_ceil(edge).max(1);
+        (0..count)
+            .map(move |i| [first + i * length / count, first + (i + 1) * length / count])
+            .collect::<Vec<_>>()
+    });
+    let [xs, ys, zs] = cuts;
+    zs.into_iter().flat_map(move |z| {
+        let xs = xs.clone();
+        let ys = ys.clone();
+        ys.into_iter().flat_map(move |y| xs.clone().into_iter().map(move |x| [x, y, z]))
+    })
+}
+
+fn boxed(source: &dyn VoxelSource, ends: [[usize; 2]; 3]) -> Result<Volume> {
+    source.read_box(ends.map(|[first, _]| first), ends.map(|[first, end]| end - first))
+}
+
+impl Block {
+    fn around(roi: &Roi, ends: [[usize; 2]; 3]) -> Block {
+        let [nx, ny, _] = roi.size;
+        let (mut low, mut high) = (roi.size, [0; 3]);
+        let mut voxels = 0;
+        for index in roi.members() {
+            let at = [index % nx, index / nx % ny, index / (nx * ny)];
+            low = std::array::from_fn(|k| low[k].min(at[k]));
+            high = std::array::from_fn(|k| high[k].max(at[k] + 1));
+            voxels += 1;
+        }
+        Block { ends: std::array::from_fn(|k| [ends[k][0] + low[k], ends[k][0] + high[k]]), voxels }
+    }
+}
+
+impl BlocksArguments {
+    /// Returns the cases, a row for each block.
+    fn table(&self, blocks: &[Block]) -> Result<String> {
+        let absolute = |path: &Path| {
+            let path = std::path::absolute(path).map_err(|e| Error::io(path, "naming", &e))?;
+            Ok::<_, Error>(path.display().to_string())
+        };
+        let mut common = vec![("volume", absolute(&self.volume)?)];
+        if let Some(roi) = &self.roi {
+            common.push(("roi", absolute(roi)?));
+        }
+        if let Some([low, high]) = self.roi_threshold {
+            common.push(("roi-threshold", format!("{low},{high}")));
+        }
+        let read = &self.read;
+        let mut flag = |name, value: Option<String>| common.extend(value.map(|value| (name, value)));
+        flag("level", read.level.map(|n| n.to_string()));
+        flag("volume-index", read.volume_index.map(|n| n.to_string()));
+        flag("series", read.series.clone());
+        flag("voxel-mm", read.voxel_mm.map(|mm| format!("{},{},{}", mm.x, mm.y, mm.z)));
+        flag("unit", read.unit.map(|unit| unit.name().to_owned()));
+        let mut out = csv::Writer::from_writer(Vec::new());
+        let names = common.iter().map(|(name, _)| *name);
+        let failed = |e: csv::Error| Error::new(Kind::Internal, "VGS-CLI-192", format!("no table: {e}"));
+        out.write_record(["name", "voxels"].into_iter().chain(names)).map_err(failed)?;
+        for Block { ends, .. } in blocks {
+            let [x, y, z] = ends;
+            let name = format!("x{:05}-y{:05}-z{:05}", x[0], y[0], z[0]);
+            let voxels = format!("{}:{},{}:{},{}:{}", x[0], x[1], y[0], y[1], z[0], z[1]);
+            let values = common.iter().map(|(_, value)| value.as_str());
+            out.write_record([name.as_str(), &voxels].into_iter().chain(values)).map_err(failed)?;
+        }
+        let table = out.into_inner().unwrap_or_default();
+        Ok(String::from_utf8_lossy(&table).into_owned())
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn blocks_cover_the_grid_once_and_are_equal() {
+        let grid = Grid { size: [300, 128, 1], world_from_voxel: Default::default() };
+        let all: Vec<_> = boxes(&grid, 128, None).collect();
+        assert_eq!(all.len(), 3);
+        assert_eq!(all[1], [[100, 200], [0, 128], [0, 1]]);
+        let within = boxes(&grid, 16, Some([[10, 43], [0, 16], [0, 1]]));
+        assert_eq!(within.map(|ends| ends[0]).collect::<Vec<_>>(), [[10, 21], [21, 32], [32, 43]]);
+    }
+}

@@ -1,0 +1,70 @@
+//! `vgs blocks`: a region that is fitted in blocks, and shown as one.
+
+use crate::support::{Folder, QUICK};
+
+fn blocks<'a>(more: &[&'a str]) -> Vec<&'a str> {
+    [&["blocks", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "blocks.csv", "--edge", "16"], more].concat()
+}
+
+#[test]
+fn blocks_are_cases_that_go_together() {
+    let folder = Folder::new(32);
+    let told = folder.run(&blocks(&["--json"])).json();
+    let count = told["blocks"].as_u64().expect("a number");
+    assert!((2..=8).contains(&count), "{told}");
+    let rows = folder.text("blocks.csv").lines().count() as u64 - 1;
+    assert_eq!(rows, count);
+    // By two processes, and again by one, for which nothing is left.
+    let batch = |more: &[&'static str]| {
+        let all = [&["batch", "blocks.csv", "-o", "out", "--format", "vgs"], more, &["--"], &QUICK].concat();
+        folder.run(&all)
+    };
+    for shard in ["1/2", "2/2"] {
+        let ended = batch(&["--shard", shard]);
+        assert_eq!(ended.code, 0, "{}", ended.err);
+    }
+    let ended = batch(&[]);
+    assert_eq!(ended.out.matches("is done").count() as u64, count, "{}", ended.out);
+
+    // Together they have the region of the whole, on its grid.
+    let files: Vec<String> = folder
+        .contents()
+        .into_keys()
+        .map(|path| path.display().to_string())
+        .filter(|path| path.ends_with(".vgs"))
+        .collect();
+    assert_eq!(files.len() as u64, count);
+    let files: Vec<&str> = files.iter().map(String::as_str).collect();
+    let stats = |files: &[&str]| {
+        let told = folder.run(&[&["stats"], files, &["--volume", "ct.nii.gz", "--json"]].concat()).json();
+        let ml = |row: &serde_json::Value| row["volume_ml"].as_f64().expect("a volume");
+        told["objects"].as_array().expect("objects").iter().map(ml).sum::<f64>()
+    };
+    folder
+        .run(&[&["fit", "ct.nii.gz", "--roi", "mask.nii.gz", "-o", "whole.vgs", "-q"], &QUICK[..]].concat());
+    let (parts, whole) = (stats(&files), stats(&["whole.vgs"]));
+    assert!((parts - whole).abs() < 1e-6 * whole, "{parts} ml of {whole} ml");
+    let render = [&["render"], &files[..], &["-o", "a.png", "--size", "64x64", "-q"]].concat();
+    let ended = folder.run(&render);
+    assert_eq!((ended.code, ended.err.as_str()), (0, ""));
+    // Each is measured by the whole volume, without a doubt of what it was fitted to.
+    let eval = folder.run(&["eval", files[0], "ct.nii.gz", "--roi", "mask.nii.gz", "--json"]);
+    assert_eq!((eval.code, eval.err.as_str()), (0, ""));
+}
+
+#[test]
+fn what_has_no_blocks_is_refused() {
+    let folder = Folder::new(16);
+    let code = |arguments: &[&str]| {
+        let ended = folder.run(arguments);
+        (ended.code, ended.err.lines().next().unwrap_or_default().to_owned())
+    };
+    let (exit, told) = code(&["blocks", "ct.nii.gz", "--roi-threshold", "9000,9001", "-o", "no.csv"]);
+    assert!(exit == 3 && told.contains("VGS-CLI-191"), "{exit} {told}");
+    folder.run(&["phantom", "-o", "other", "--size", "15"]);
+    let (exit, told) = code(&["blocks", "ct.nii.gz", "--roi", "other/mask.nii.gz", "-o", "no.csv"]);
+    assert!(exit == 65 && told.contains("VGS-CLI-190"), "{exit} {told}");
+    assert_eq!(folder.run(&blocks(&[])).code, 0);
+    assert!(code(&blocks(&[])).1.contains("VGS-OUT-001"));
+    assert!(!folder.path("no.csv").exists());
+}
