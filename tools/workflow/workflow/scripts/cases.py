@@ -12,7 +12,7 @@ PATHS = {"volume", "roi", "config"}
 # Flags that say how a scan and its region are read: all steps that read them take these.
 READING = {
     *("roi", "roi-threshold", "roi-label", "roi-min-ml", "roi-largest", "roi-close", "roi-fill"),
-    *("volume-index", "series", "voxel-mm", "unit", "max-bytes", "lenient"),
+    *("volume-index", "series", "level", "voxels", "voxel-mm", "unit", "max-bytes", "lenient"),
 }
 
 
