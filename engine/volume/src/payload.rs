@@ -40,9 +40,9 @@ pub(super) struct Layout {
     /// Number of voxels of one volume.
     pub voxels: usize,
     /// Number of volumes in the file.
-    volumes: usize,
+    pub volumes: usize,
     /// Index of the volume that is read.
-    chosen: usize,
+    pub chosen: usize,
     /// Number of consecutive values of one volume before those of the next volume.
     run: usize,
     /// Factor of the stored values, and the number that is added after it.
@@ -79,16 +79,6 @@ impl Layout {
             }
         };
         Ok(Layout { element, big_endian, voxels, volumes, chosen, run: run.max(1), scaling: None })
-    }
-
-    /// Returns the number of volumes in the file.
-    pub fn volumes(&self) -> usize {
-        self.volumes
-    }
-
-    /// Returns the index of the volume that is read.
-    pub fn chosen(&self) -> usize {
-        self.chosen
     }
 
     /// Returns the number of values of all volumes.

@@ -34,6 +34,22 @@ def test_views_of_arrays_are_read_as_they_look(ball, view, tmp_path):
     np.testing.assert_array_equal(nibabel.load(tmp_path / "part.nii").get_fdata(), part)
 
 
+def test_a_part_and_a_resolution_are_read_of_zarr(ball, tmp_path):
+    whole = vgs.Volume(ball.astype(np.float32), AFFINE)
+    whole.save(tmp_path / "ball.zarr")
+    np.testing.assert_array_equal(vgs.read(tmp_path / "ball.zarr").array, whole.array)
+    part = vgs.read(tmp_path / "ball.zarr", voxels=[[2, 9], [0, 20], [5, 6]])
+    np.testing.assert_array_equal(part.array, whole.array[2:9, :, 5:6])
+    np.testing.assert_allclose(part.affine[:3, 3], (AFFINE @ [2, 0, 5, 1])[:3], atol=1e-9)
+    for wrong in [{"level": 1}, {"voxels": [[2, 25], [0, 20], [5, 6]]}]:
+        with pytest.raises(vgs.UsageError) as raised:
+            vgs.read(tmp_path / "ball.zarr", **wrong)
+        assert raised.value.code in ["VGS-ZAR-006", "VGS-VOL-026"]
+    with pytest.raises(vgs.CannotCreateError):
+        whole.save(tmp_path / "ball.zarr")
+    whole.save(tmp_path / "ball.zarr", force=True)
+
+
 def test_a_file_is_read_as_nibabel_and_simpleitk_read_it(phantom, ct):
     image = nibabel.load(phantom)
     np.testing.assert_allclose(ct.array, image.get_fdata(), atol=1e-3)

@@ -77,7 +77,7 @@ impl Resolution {
         let volumes =
             volumes.ok_or_else(|| wrong(format!("its shape is {shape:?}, more than there can be")))?;
         let layout = Layout::new(element, cfg!(target_endian = "big"), size, (volumes, usize::MAX), options)?;
-        let mut left = layout.chosen() as u64;
+        let mut left = layout.chosen as u64;
         let mut chosen = vec![0; image.axes];
         for &axis in others.iter().rev() {
             chosen[axis] = left % shape[axis];
@@ -115,7 +115,7 @@ impl Resolution {
 
     pub fn summary(&self) -> Level {
         let spacing_mm = spacing_of(&self.grid.world_from_voxel).to_array();
-        Level { size: self.grid.size, spacing_mm, chunk: self.chunk, volumes: self.layout.volumes() }
+        Level { size: self.grid.size, spacing_mm, chunk: self.chunk, volumes: self.layout.volumes }
     }
 
     /// Reads planes `first[2]..` of a box, x fastest, and passes the samples on.
