@@ -2,8 +2,10 @@
 //! cannot be seen has to be told.
 
 use base::unit::Unit;
-use splat::SplatSet;
+use glam::Vec3;
+use splat::{Splat, SplatSet};
 use transfer::{PRESETS, TransferFunction};
+use volume::{Roi, Volume};
 
 /// Opacity per mm below which a structure cannot be told from nothing.
 const SEEN: f64 = 0.005;
@@ -12,6 +14,33 @@ const SEEN: f64 = 0.005;
 const LEAST_SEEN: f64 = 0.25;
 /// Number of intensities that are kept of an object.
 const KEPT: usize = 101;
+
+/// Splats over which an intensity is averaged; fewer are taken as they are.
+const NEIGHBOURS: usize = 8;
+
+/// Returns about what is shown at splats, in no order: V is a mean of several, so an intensity is the mean of those that lie
+/// near each other, along a Morton curve. The splats of a noisy scan reach far beyond it.
+fn shown(splats: Vec<&Splat>) -> Vec<f32> {
+    if splats.len() < 2 * NEIGHBOURS {
+        return splats.iter().map(|splat| splat.intensity).collect();
+    }
+    let low = splats.iter().fold(Vec3::INFINITY, |low, splat| low.min(splat.mean.into()));
+    let high = splats.iter().fold(Vec3::NEG_INFINITY, |high, splat| high.max(splat.mean.into()));
+    // 1024 places along the longest edge of the box.
+    let places = 1023.0 / (high - low).max_element().max(f32::MIN_POSITIVE);
+    let code = |splat: &Splat| {
+        let at = ((Vec3::from(splat.mean) - low) * places).as_uvec3().to_array();
+        (0..10)
+            .rev()
+            .fold(0_u32, |code, bit| at.iter().fold(code, |code, axis| code << 1 | (axis >> bit & 1)))
+    };
+    let mut along: Vec<(u32, f32)> = splats.iter().map(|splat| (code(splat), splat.intensity)).collect();
+    along.sort_by_key(|(code, _)| *code);
+    along
+        .windows(NEIGHBOURS)
+        .map(|near| near.iter().map(|(_, v)| v).sum::<f32>() / NEIGHBOURS as f32)
+        .collect()
+}
 
 /// Intensities of an object's splats, evenly chosen from the least to the greatest.
 #[derive(Clone, Debug, Default, PartialEq)]
@@ -25,10 +54,11 @@ impl Intensities {
         if !set.unit.is_physical() {
             return vec![Intensities::default(); objects.len()];
         }
-        let mut own = vec![Vec::new(); 256];
+        let mut splats = vec![Vec::new(); 256];
         for (i, splat) in set.splats.iter().enumerate() {
-            own[set.labels.as_ref().map_or(0, |labels| usize::from(labels[i]))].push(splat.intensity);
+            splats[set.labels.as_ref().map_or(0, |labels| usize::from(labels[i]))].push(splat);
         }
+        let mut own: Vec<Vec<f32>> = splats.into_iter().map(shown).collect();
         set.coded().for_each(|(number, v)| own[usize::from(number)].push(v as f32));
         objects.iter().map(|object| Self::of(std::mem::take(&mut own[usize::from(object.number)]))).collect()
     }
@@ -41,8 +71,17 @@ impl Intensities {
 
     /// Returns those of all splats of a set; none without intensities.
     pub fn of_set(set: &SplatSet) -> Self {
-        let all = set.splats.iter().map(|splat| splat.intensity).chain(set.coded().map(|(_, v)| v as f32));
-        if set.unit.is_physical() { Self::of(all.collect()) } else { Intensities::default() }
+        if !set.unit.is_physical() {
+            return Intensities::default();
+        }
+        let mut all = shown(set.splats.iter().collect());
+        all.extend(set.coded().map(|(_, v)| v as f32));
+        Self::of(all)
+    }
+
+    /// Returns those of the voxels of a region.
+    pub fn of_region(volume: &Volume, roi: &Roi) -> Self {
+        Self::of(roi.members().map(|i| volume.samples[i]).filter(|v| v.is_finite()).collect())
     }
 
     /// Returns the name of the preset that suits them: the one with which programs begin, or, where that shows next to
@@ -77,7 +116,6 @@ impl Intensities {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use splat::Splat;
 
     #[test]
     fn an_object_is_seen_if_a_quarter_of_its_splats_is() {
@@ -92,6 +130,20 @@ mod tests {
         let none = Intensities::of(Vec::new());
         assert!(none.are_seen(&bone) && none.middle_half().is_none(), "nothing is missing");
         assert_eq!(Intensities::of(vec![7.0]).middle_half(), Some([7.0, 7.0]));
+    }
+
+    #[test]
+    fn splats_of_noise_count_as_what_they_show() {
+        // 80 HU, with splats that reach 150 HU beyond on either side, as in a liver.
+        let splat = |i: i32| Splat {
+            mean: [(i % 10) as f32, (i / 10 % 10) as f32, (i / 100) as f32],
+            intensity: 80.0 + 150.0 * [1.0, -1.0][(i * 7 % 11 % 2) as usize],
+            ..Splat::default()
+        };
+        let set = SplatSet { splats: (0..1000).map(splat).collect(), unit: Unit::Hu, ..SplatSet::default() };
+        let raw = Intensities::of(set.splats.iter().map(|splat| splat.intensity).collect());
+        assert_eq!(raw.suiting_preset(Unit::Hu), "CT-Bone");
+        assert_eq!(Intensities::of_set(&set).suiting_preset(Unit::Hu), "CT-Soft-Tissue");
     }
 
     #[test]

@@ -104,7 +104,12 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
     let source = shown.as_ref().map(|(volume, roi)| VolumeSource { volume, roi: roi.as_deref() });
     let unit = set.as_ref().map(|set| set.unit).or(volume.as_ref().map(Volume::unit)).unwrap_or_default();
     let range = intensities(set.as_ref(), volume.as_ref());
-    let mut look = arguments.look(console, set.as_ref(), range, transfer::first(unit), row.own_functions)?;
+    let first = match (&set, &volume, &roi) {
+        (Some(set), ..) => Intensities::of_set(set).suiting_preset(unit),
+        (None, Some(volume), Some(roi)) => Intensities::of_region(volume, roi).suiting_preset(unit),
+        _ => transfer::first(unit),
+    };
+    let mut look = arguments.look(console, set.as_ref(), range, first, row.own_functions)?;
     if let Some(set) = &set {
         warn_of_unseen(set, &look, row.own_functions, arguments.tf.is_some());
     }
