@@ -45,8 +45,7 @@ pub struct RenderArguments {
     #[arg(long, value_name = "MODE", help_heading = "Picture", value_parser = mode_name)]
     pub mode: Option<&'static str>,
     /// Transfer function: a preset, a file (.vp, .vp.json, .xml:NAME, ParaView .json), or window:WIDTH,LEVEL [default:
-    /// CT-Bone, or MR-Default without HU, or where that shows nothing, a preset that does; of several objects, one for the
-    /// kind of each, and its usual colour]
+    /// CT-Bone, or MR-Default without HU, or a preset that shows more; of several objects, one for the kind of each]
     #[arg(long, value_name = "PRESET|FILE", help_heading = "Picture")]
     pub tf: Option<String>,
     /// Moves the transfer function along the intensities, HU
