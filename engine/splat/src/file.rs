@@ -16,6 +16,7 @@ pub const FORMATS: &[Format] = &[
         coloured: false,
         physical: true,
         voxels: false,
+        live: false,
         reader: Reader { sniff: ply::sniff, read: ply::read, describe: ply::describe },
         write: ply::write,
         bytes: ply::bytes,
@@ -26,6 +27,7 @@ pub const FORMATS: &[Format] = &[
         coloured: false,
         physical: true,
         voxels: true,
+        live: false,
         reader: Reader { sniff: vgs::sniff, read: vgs::read, describe: vgs::describe },
         write: vgs::write,
         bytes: vgs::bytes,
@@ -36,6 +38,7 @@ pub const FORMATS: &[Format] = &[
         coloured: true,
         physical: false,
         voxels: false,
+        live: true,
         reader: Reader { sniff: spz::sniff, read: spz::read, describe: spz::describe },
         write: spz::write,
         bytes: spz::bytes,
@@ -46,6 +49,7 @@ pub const FORMATS: &[Format] = &[
         coloured: true,
         physical: true,
         voxels: false,
+        live: false,
         reader: Reader { sniff: glb::sniff, read: glb::read, describe: glb::describe },
         write: glb::write,
         bytes: glb::bytes,
@@ -147,6 +151,9 @@ pub fn write(path: &Path, set: &SplatSet, force: bool) -> Result<()> {
 /// Writes `set` in the format that the extension of `path` names, with the given options.
 pub fn write_as(path: &Path, set: &SplatSet, options: &WriteOptions) -> Result<()> {
     check_held(path, set)?;
+    if options.live.is_some() {
+        check_live(path)?;
+    }
     (named(path)?.write)(path, set, options)
 }
 
@@ -184,6 +191,21 @@ pub fn check_held(path: &Path, set: &SplatSet) -> Result<()> {
     Err(Error::new(Kind::Usage, "VGS-SPLAT-013", message)
         .file(path)
         .help("write a .vgs or a page (.html), or fit splats to the volume: vgs fit"))
+}
+
+/// Fails if the format that the extension of `path` names cannot hold a fit beside splats with colours
+/// ([`WriteOptions::live`]).
+///
+/// # Errors
+/// [`Kind::Usage`].
+pub fn check_live(path: &Path) -> Result<()> {
+    if named(path).is_ok_and(|format| format.live) {
+        return Ok(());
+    }
+    let message = "only an SPZ file holds the fit beside splats with colours";
+    Err(Error::new(Kind::Usage, "VGS-SPZ-004", message)
+        .file(path)
+        .help("give a name that ends in .spz, or leave out --live"))
 }
 
 /// Returns the format that the extension of `path` names.

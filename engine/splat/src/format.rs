@@ -37,13 +37,16 @@ pub struct WriteOptions<'a> {
     /// The splats with intensities that the colours of the set were made of, row by row: a format of colours that
     /// can hold them besides does, so that this program reads them again.
     pub made_of: Option<&'a SplatSet>,
+    /// Splats with intensities that go into the file whole, beside those with colours, so that this program reads these
+    /// again; their number may be another. For formats that [can](super::check_live).
+    pub live: Option<&'a SplatSet>,
     /// True if an existing file is replaced.
     pub force: bool,
 }
 
 impl Default for WriteOptions<'_> {
     fn default() -> Self {
-        WriteOptions { layout: &PLY_LAYOUTS[0], place: None, made_of: None, force: false }
+        WriteOptions { layout: &PLY_LAYOUTS[0], place: None, made_of: None, live: None, force: false }
     }
 }
 
@@ -181,6 +184,8 @@ pub struct Format {
     pub physical: bool,
     /// True if it holds coded voxels ([`SplatSet::voxels`]).
     pub voxels: bool,
+    /// True if a fit can go along with the splats with colours ([`WriteOptions::live`]).
+    pub live: bool,
     /// How a file is read.
     pub reader: Reader,
     /// Writes a file atomically; replaces an existing one only if the options say so.

@@ -56,8 +56,8 @@ pub use defect::defect;
 pub use far::far_splats;
 pub use field::Field;
 pub use file::{
-    FORMATS, check_held, describe, file_bytes, is_coloured, is_physical, is_splats, read, read_all,
-    read_some, read_unplaced, rounds, write, write_as,
+    FORMATS, check_held, check_live, describe, file_bytes, is_coloured, is_physical, is_splats, read,
+    read_all, read_some, read_unplaced, rounds, write, write_as,
 };
 pub use format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
 pub use grid::{Form, Grid};

@@ -48,6 +48,54 @@ fn pictures_come_nearer_and_the_same_seed_gives_the_same_file() {
 }
 
 #[test]
+fn a_live_spz_has_colours_for_others_and_the_fit_for_every_command() {
+    let folder = Folder::new(16);
+    folder.run(&fit("ours.vgs", &["--no-eval"]));
+    let bake = [&["bake", "ours.vgs", "-o", "baked.spz", "--live"], &SMALL[..]].concat();
+    let convert = ["convert", "ours.vgs", "-o", "quick.spz", "--live", "--tf", "CT-Soft-Tissue"];
+    let picture = |name: &str| {
+        let ended =
+            folder.run(&["render", name, "--tf", "CT-Bone", "-o", "a.png", "--size", "48x48", "--force"]);
+        assert_eq!(ended.code, 0, "{name}: {}", ended.err);
+        engine::image::read(folder.path("a.png")).expect("a picture").image.pixels
+    };
+    let eval = |name: &str| folder.run(&["eval", name, "ct.nii.gz", "--roi", "mask.nii.gz", "--json"]).json();
+    let set = |name: &str| splat::read(folder.path(name), &ReadOptions::default()).expect("splats");
+    for (arguments, name) in [(&bake[..], "baked.spz"), (&convert, "quick.spz")] {
+        let ended = folder.run(arguments);
+        assert_eq!(ended.code, 0, "{name}: {}", ended.err);
+        assert!(ended.err.contains("HU") && !ended.err.contains("without HU"), "{}", ended.err);
+        assert!(folder.read(name).starts_with(b"NGSP\x04"), "{name}");
+        assert_eq!(set(name), set("ours.vgs"), "{name}");
+        let info = folder.run(&["info", name, "--json"]).json();
+        assert_eq!((info["format"].as_str(), info["unit"].as_str()), (Some("spz"), Some("hu")), "{info}");
+        assert_eq!(picture(name), picture("ours.vgs"), "{name}");
+        assert_eq!(eval(name)["psnr_db"], eval("ours.vgs")["psnr_db"], "{name}");
+        let back = ["convert", name, "-o", "back.vgs", "--force"];
+        assert_eq!(folder.run(&back).code, 0);
+        assert_eq!(folder.read("back.vgs"), folder.read("ours.vgs"), "{name}");
+    }
+    // What is cut away is not in it.
+    let told =
+        folder.run(&["convert", "ours.vgs", "-o", "half.spz", "--live", "--clip", "x<0", "--json"]).json();
+    let half = set("half.spz").splats.len() as u64;
+    assert_eq!(half + told["left_out"].as_u64().expect("a number"), set("ours.vgs").splats.len() as u64);
+
+    folder.run(&["convert", "ours.vgs", "-o", "colours.ply", "--tf", "CT-Soft-Tissue"]);
+    for (arguments, code, word) in [
+        (["bake", "ours.vgs", "-o", "no.ply", "--live"], "VGS-SPZ-004", ".spz"),
+        (["convert", "ours.vgs", "-o", "no.glb", "--live"], "VGS-SPZ-004", ".spz"),
+        (["convert", "ours.vgs", "-o", "no.html", "--live"], "VGS-SPZ-004", ".spz"),
+        (["convert", "colours.ply", "-o", "no.spz", "--live"], "VGS-SPZ-005", "HU"),
+    ] {
+        let ended = folder.run(&arguments);
+        assert_eq!(ended.code, 2, "{arguments:?}: {}", ended.err);
+        assert!(ended.err.contains(code) && ended.err.contains(word), "{arguments:?}: {}", ended.err);
+    }
+    assert!(["no.ply", "no.glb", "no.html", "no.spz"].iter().all(|name| !folder.path(name).exists()));
+}
+
+#[test]
 fn what_cannot_be_baked_is_refused() {
     let folder = Folder::new(16);
     folder.run(&fit("ours.ply", &["--no-eval"]));

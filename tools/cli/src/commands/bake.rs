@@ -9,6 +9,7 @@ use engine::bake::{Baked, Options, Progress, bake};
 use engine::render::{Look, ObjectChange};
 use engine::splat::{self, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind};
+use view::io::saving;
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
@@ -33,6 +34,10 @@ pub struct BakeArguments {
     /// Replaces an output that exists
     #[arg(short, long, help_heading = "Output")]
     force: bool,
+    /// Puts the splats with their HU into an .spz as well (its version 4): vgs opens it with a live transfer function,
+    /// other viewers show the colours, where they know that version
+    #[arg(long, help_heading = "Output")]
+    live: bool,
     /// How a PLY is laid out: vgs, what most programs read, or inria (rows of 62 floats, for programs that know no others)
     #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = layout, help_heading = "Output")]
     ply_layout: &'static PlyLayout,
@@ -82,11 +87,12 @@ const EXAMPLES: &str = "\
 Examples:
   vgs bake bones.ply -o bones-baked.ply
   vgs bake bones.vgs -o bones.spz --tf CT-Bones-Steep --shade off
+  vgs bake bones.vgs -o bones.spz --live                 for vgs with any --tf, too
   vgs bake organs.ply -o organs.glb --object-colours --max-splats 20000 --time-budget 1m
 
 What other viewers draw of the file is what `vgs render` shows in mode decoded, as near as splats of fixed colours
-come: the PSNR that is told is that of views between those which were fitted. The file has no HU: keep the splats
-that it is made of.";
+come: the PSNR that is told is that of views between those which were fitted. Without --live the file has no HU: keep
+the splats that it is made of.";
 
 /// Runs the command.
 pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
@@ -94,6 +100,9 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
     outputs::check(&[output], &[splats], arguments.force)?;
     let set = splat::read(splats, &ReadOptions::default())?;
     splat::check_held(output, &SplatSet::default())?;
+    if arguments.live {
+        splat::check_live(output)?;
+    }
     if splat::rounds(output) {
         let message = "a .vgs holds no colours, and baked splats have nothing else";
         return Err(Error::new(Kind::Usage, "VGS-CLI-173", message)
@@ -147,8 +156,13 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
             .help("choose another --tf, show an object, or leave out --clip")
             .into());
     }
-    let write =
-        WriteOptions { layout: arguments.ply_layout, force: arguments.force, ..WriteOptions::default() };
+    let live = arguments.live.then(|| saving::shown(&set, &look));
+    let write = WriteOptions {
+        layout: arguments.ply_layout,
+        live: live.as_ref(),
+        force: arguments.force,
+        ..WriteOptions::default()
+    };
     splat::write_as(output, &baked.set, &write)?;
     arguments.tell(console, &look, &baked)?;
     Ok(signals.exit_code().unwrap_or(0))
@@ -203,12 +217,13 @@ impl BakeArguments {
             ));
         }
         console.say(&format!(
-            "{}: {count} splats, {} ({:.1} bytes each), {} for pictures and {} for steps; without HU",
+            "{}: {count} splats, {} ({:.1} bytes each), {} for pictures and {} for steps; {} HU",
             self.output.display(),
             bytes(size),
             size as f64 / count.max(1) as f64,
             seconds(report.rendering_s),
-            seconds(report.training_s)
+            seconds(report.training_s),
+            if self.live { "vgs reads from it the splats with" } else { "without" },
         ));
         Ok(())
     }

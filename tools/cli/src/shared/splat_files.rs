@@ -22,7 +22,13 @@ pub struct LayoutArguments {
 impl LayoutArguments {
     /// Returns the options with which splats of this volume and region are written.
     pub fn options(self, volume: &Volume, roi: &Roi, force: bool) -> WriteOptions<'static> {
-        WriteOptions { layout: self.ply_layout, place: Some(place(volume, Some(roi))), made_of: None, force }
+        WriteOptions {
+            layout: self.ply_layout,
+            place: Some(place(volume, Some(roi))),
+            made_of: None,
+            live: None,
+            force,
+        }
     }
 }
 

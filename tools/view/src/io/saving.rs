@@ -19,7 +19,8 @@ pub struct Ready {
 
 /// Returns the splats of `set` that a look shows: without hidden objects and what its clip planes cut away.
 pub fn shown(set: &SplatSet, look: &Look) -> SplatSet {
-    set.part(|number, at| look.shows(number, at))
+    let part = set.part(|number, at| look.shows(number, at));
+    if part.count() == set.count() { set.clone() } else { part }
 }
 
 /// Returns the splats that a look shows as a file with this name holds them: with the colours of the look in a format of

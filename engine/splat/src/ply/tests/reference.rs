@@ -177,7 +177,7 @@ fn what_is_written_comes_back() {
             ..SplatSet::from_voxel(&voxel, &place.world_from_voxel, field)
         };
         let layout = PlyLayout::named("reference").expect("a row");
-        let options = WriteOptions { layout, place: Some(place), force: true, made_of: None };
+        let options = WriteOptions { layout, place: Some(place), force: true, made_of: None, live: None };
         write_as(&path, &set, &options).expect(name);
         let bytes = crate::file_bytes(&path, &set, &options).expect(name);
         assert_eq!(bytes, std::fs::metadata(&path).expect("a file").len());
@@ -399,6 +399,7 @@ fn they_are_described_without_a_volume() {
         place: Some(place),
         force: true,
         made_of: None,
+        live: None,
     };
     write_as(&path, &set, &options).expect("writing");
     let summary = describe(&path, &STRICT).expect("a description");

@@ -1,6 +1,6 @@
 //! The SPZ reader.
 
-use std::io::{self, BufRead, BufReader, Read};
+use std::io::{self, BufRead, BufReader, Cursor, Read};
 use std::vec;
 
 use flate2::bufread::GzDecoder;
@@ -8,12 +8,12 @@ use glam::{DMat3, DVec3};
 use half::f16;
 use ruzstd::decoding::StreamingDecoder;
 
-use super::{AXES, COLOUR_STEPS, MARK};
+use super::{AXES, COLOUR_STEPS, FIT, HAS_EXTENSIONS, MARK, ZSTD_HEADER};
 use crate::activation::Activations;
 use crate::harmonics::{MAX_DEGREE, basis_count};
 use crate::mend::{Mended, reserve, zeros};
 use crate::ordinary;
-use crate::{Harmonics, ReadOptions, Splat, SplatSet, Summary, Unplaced, ply};
+use crate::{Harmonics, ReadOptions, Splat, SplatSet, Summary, Unplaced, ply, vgs};
 use base::error::{Error, Kind, Result};
 use base::input::Input;
 use base::memory;
@@ -23,12 +23,8 @@ const GZIP_VERSIONS: std::ops::RangeInclusive<u32> = 1..=3;
 const ZSTD_VERSION: u32 = 4;
 /// The first version whose rotations have their three smallest numbers.
 const SMALLEST_THREE: u32 = 3;
-/// Bytes of the header of version 4.
-const ZSTD_HEADER: u32 = 32;
 /// Greatest degree of the harmonics of a file; those beyond [`MAX_DEGREE`] are left out.
 const FILE_DEGREE: u8 = 4;
-/// Flag of a header: there are records of extensions.
-const HAS_EXTENSIONS: u8 = 2;
 /// Extensions by their numbers: the axes of the file, and how near a camera may come, which changes no splat.
 const COORDINATE_SYSTEM: u32 = 0xADBE_0003;
 const SAFE_ORBIT_CAMERA: u32 = 0xADBE_0002;
@@ -48,31 +44,49 @@ pub fn sniff(start: &[u8]) -> bool {
     start.starts_with(MARK) || GzDecoder::new(start).read_exact(&mut first).is_ok() && first == *MARK
 }
 
-/// Reads a set with colours.
+/// Reads the fit where the file has one, and else a set with colours.
 pub fn read(input: &Input, options: &ReadOptions) -> Result<Unplaced> {
-    let Loaded { set, .. } = load(input, options)?;
-    Ok(Unplaced { path: input.name().to_owned(), set, rows: None })
+    match load(input, options)?.content {
+        Content::Colours(set, _) => Ok(Unplaced { path: input.name().to_owned(), set: *set, rows: None }),
+        Content::Fit(fit) => vgs::read(&fit, options).map_err(of_fit),
+    }
 }
 
-/// Reads a set and describes what the file holds.
+/// Reads as [`read`] does and describes what the file holds.
 pub fn describe(input: &Input, options: &ReadOptions) -> Result<Summary> {
-    let Loaded { set, header, mended, bytes } = load(input, options)?;
+    let Loaded { content, header, bytes } = load(input, options)?;
     let packing = if header.version == ZSTD_VERSION { "zstd" } else { "gzip" };
-    Ok(Summary {
-        encoding: format!("version {}, {packing}", header.version),
-        dropped: mended.dropped,
-        widened: mended.widened,
-        elements: vec![("splat".to_owned(), header.count as u64)],
-        properties: ["position", "alpha", "color", "scale", "rotation", "sh"].map(str::to_owned).to_vec(),
-        ..Summary::of_set(&set, "spz", ply::ORDINARY, bytes)
-    })
+    let encoding = format!("version {}, {packing}", header.version);
+    let count = header.count as u64;
+    match content {
+        Content::Colours(set, mended) => Ok(Summary {
+            encoding,
+            dropped: mended.dropped,
+            widened: mended.widened,
+            elements: vec![("splat".to_owned(), count)],
+            properties: ["position", "alpha", "color", "scale", "rotation", "sh"].map(str::to_owned).to_vec(),
+            ..Summary::of_set(&set, "spz", ply::ORDINARY, bytes)
+        }),
+        Content::Fit(fit) => {
+            let mut of = vgs::describe(&fit, options).map_err(of_fit)?;
+            of.elements.push(("splat with colours".to_owned(), count));
+            let encoding = format!("{encoding}, beside colours a .vgs of {}", of.encoding);
+            Ok(Summary { format: "spz", encoding, file_bytes: bytes, ..of })
+        }
+    }
 }
 
 struct Loaded {
-    set: SplatSet,
+    content: Content,
     header: Header,
-    mended: Mended,
+    /// Size of the file.
     bytes: u64,
+}
+
+enum Content {
+    Colours(Box<SplatSet>, Mended),
+    /// The `.vgs` of the fit, under the name of the file.
+    Fit(Input),
 }
 
 fn load(input: &Input, options: &ReadOptions) -> Result<Loaded> {
@@ -83,11 +97,25 @@ fn load(input: &Input, options: &ReadOptions) -> Result<Loaded> {
     let mut source = BufReader::new(file);
     let zstd = source.fill_buf().map_err(failed)?.starts_with(MARK);
     let loaded = if zstd { of_zstd(source, options) } else { of_gzip(source, options) };
-    let (mut set, header, axes) = loaded.map_err(|error| error.file(path))?;
+    let (mut set, header, Records { axes, fit }) = loaded.map_err(|error| error.file(path))?;
+    if let Some(fit) = fit {
+        let content = Content::Fit(Input::of(Cursor::new(fit), path));
+        return Ok(Loaded { content, header, bytes });
+    }
     ordinary::into_world(&mut set, &axes.transpose());
     let mended = ordinary::finished(&mut set, options.strict).map_err(|error| error.file(path))?;
     mended.tell(path, &set);
-    Ok(Loaded { set, header, mended, bytes })
+    Ok(Loaded { content: Content::Colours(Box::new(set), mended), header, bytes })
+}
+
+/// Says of an error of the fit that it is one.
+fn of_fit(error: Error) -> Error {
+    if error.kind != Kind::BadData {
+        return error;
+    }
+    let message = format!("the fit beside the colours: {}", error.message);
+    let told = Error::new(Kind::BadData, "VGS-SPZ-006", message).help(error.help);
+    Error { file: error.file, ..told }
 }
 
 fn damaged(what: impl Into<String>) -> Error {
@@ -154,8 +182,9 @@ impl Header {
     }
 }
 
-/// What a file holds: splats in metres along its axes, its header, and the rotation from RAS to these axes.
-type Found = (SplatSet, Header, DMat3);
+/// What a file holds: splats in metres along its axes, its header, and its records. Of version 4, the splats beside a fit
+/// are not unpacked, and the set is empty.
+type Found = (SplatSet, Header, Records);
 
 fn of_gzip(source: impl BufRead, options: &ReadOptions) -> Result<Found> {
     let mut stream = GzDecoder::new(source);
@@ -166,12 +195,12 @@ fn of_gzip(source: impl BufRead, options: &ReadOptions) -> Result<Found> {
     let mut sections = Sections::Gzip(Box::new(stream));
     let set = splats(&mut sections, &header)?;
     let Sections::Gzip(mut stream) = sections else { return Err(damaged("no gzip stream")) };
-    let axes = if header.flags & HAS_EXTENSIONS != 0 { axes(&mut stream)? } else { AXES };
+    let records = Records::read(&mut stream, &header)?;
     let extra = io::copy(&mut stream, &mut io::sink()).map_err(|error| broken(&error))?;
     if extra > 0 && options.strict {
         return Err(damaged(format!("{extra} bytes follow the last splat")));
     }
-    Ok((set, header, axes))
+    Ok((set, header, records))
 }
 
 fn of_zstd(mut source: impl BufRead, options: &ReadOptions) -> Result<Found> {
@@ -185,10 +214,10 @@ fn of_zstd(mut source: impl BufRead, options: &ReadOptions) -> Result<Found> {
     let Some(records) = u32::from_le_bytes([o0, o1, o2, o3]).checked_sub(ZSTD_HEADER) else {
         return Err(damaged("the table of sizes begins within the header"));
     };
-    let mut records = source.by_ref().take(u64::from(records));
-    let axes = if header.flags & HAS_EXTENSIONS != 0 { axes(&mut records)? } else { AXES };
-    io::copy(&mut records, &mut io::sink()).map_err(|error| broken(&error))?;
-    if records.limit() > 0 {
+    let mut zone = source.by_ref().take(u64::from(records));
+    let records = Records::read(&mut zone, &header)?;
+    io::copy(&mut zone, &mut io::sink()).map_err(|error| broken(&error))?;
+    if zone.limit() > 0 {
         return Err(damaged("the file ended before its table of sizes"));
     }
     let mut sizes = Vec::new();
@@ -199,40 +228,69 @@ fn of_zstd(mut source: impl BufRead, options: &ReadOptions) -> Result<Found> {
         let size = |bytes: &[u8]| bytes.iter().rev().fold(0u64, |size, &b| size << 8 | u64::from(b));
         sizes.push([size(packed), size(whole)]);
     }
+    if records.fit.is_some() {
+        let packed = sizes.iter().fold(0u64, |sum, [packed, _]| sum.saturating_add(*packed));
+        let found = io::copy(&mut source.take(packed), &mut io::sink()).map_err(|error| broken(&error))?;
+        if found < packed {
+            return Err(damaged("the file ended within its colours"));
+        }
+        return Ok((SplatSet::default(), header, records));
+    }
     let mut sections = Sections::Zstd { source, sizes: sizes.into_iter() };
     let set = splats(&mut sections, &header)?;
     match sections {
         Sections::Zstd { sizes, .. } if sizes.len() > 0 => {
             Err(damaged("the file has more streams than known"))
         }
-        _ => Ok((set, header, axes)),
+        _ => Ok((set, header, records)),
     }
 }
 
-/// Reads records of extensions and returns the rotation from RAS to the axes of the file.
-fn axes(records: &mut impl Read) -> Result<DMat3> {
-    let mut axes = AXES;
-    loop {
-        let mut head = [0; 8];
-        if records.read(&mut head[..1]).map_err(|error| broken(&error))? == 0 {
-            return Ok(axes);
+/// The records of extensions of a file, as far as they are known.
+struct Records {
+    /// The rotation from RAS to the axes of the file.
+    axes: DMat3,
+    /// The bytes of a `.vgs`.
+    fit: Option<Vec<u8>>,
+}
+
+impl Records {
+    /// Reads the records to the end of `zone`, if the header says that there are any.
+    fn read(zone: &mut impl Read, header: &Header) -> Result<Self> {
+        let mut records = Records { axes: AXES, fit: None };
+        if header.flags & HAS_EXTENSIONS == 0 {
+            return Ok(records);
         }
-        records.read_exact(&mut head[1..]).map_err(|error| broken(&error))?;
-        let [t0, t1, t2, t3, l0, l1, l2, l3] = head;
-        let (kind, length) = (u32::from_le_bytes([t0, t1, t2, t3]), u32::from_le_bytes([l0, l1, l2, l3]));
-        let mut content = records.by_ref().take(u64::from(length));
-        match kind {
-            COORDINATE_SYSTEM => {
-                let mut number = [0; 4];
-                content.read_exact(&mut number).map_err(|error| broken(&error))?;
-                axes = axes_of(u32::from_le_bytes(number))?;
+        loop {
+            let mut head = [0; 8];
+            if zone.read(&mut head[..1]).map_err(|error| broken(&error))? == 0 {
+                return Ok(records);
             }
-            SAFE_ORBIT_CAMERA => {}
-            _ => tracing::warn!("an extension of an SPZ file was skipped: {kind:#010x}, {length} bytes"),
-        }
-        io::copy(&mut content, &mut io::sink()).map_err(|error| broken(&error))?;
-        if content.limit() > 0 {
-            return Err(damaged("the file ended within the record of an extension"));
+            zone.read_exact(&mut head[1..]).map_err(|error| broken(&error))?;
+            let [t0, t1, t2, t3, l0, l1, l2, l3] = head;
+            let (kind, length) = (u32::from_le_bytes([t0, t1, t2, t3]), u32::from_le_bytes([l0, l1, l2, l3]));
+            let mut content = zone.by_ref().take(u64::from(length));
+            match kind {
+                COORDINATE_SYSTEM => {
+                    let mut number = [0; 4];
+                    content.read_exact(&mut number).map_err(|error| broken(&error))?;
+                    records.axes = axes_of(u32::from_le_bytes(number))?;
+                }
+                SAFE_ORBIT_CAMERA => {}
+                FIT => {
+                    memory::require(u64::from(length), "the fit beside the colours")?;
+                    let mut fit = Vec::new();
+                    content.read_to_end(&mut fit).map_err(|error| broken(&error))?;
+                    if records.fit.replace(fit).is_some() {
+                        return Err(damaged("two fits beside the colours, and one is written"));
+                    }
+                }
+                _ => tracing::warn!("an extension of an SPZ file was skipped: {kind:#010x}, {length} bytes"),
+            }
+            io::copy(&mut content, &mut io::sink()).map_err(|error| broken(&error))?;
+            if content.limit() > 0 {
+                return Err(damaged("the file ended within the record of an extension"));
+            }
         }
     }
 }

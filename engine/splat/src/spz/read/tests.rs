@@ -8,7 +8,7 @@ use flate2::write::GzEncoder;
 use super::*;
 use crate::file::tests::read_both;
 use crate::ordinary::tests::{Errors, check, coloured, rows};
-use crate::{describe, write};
+use crate::{WriteOptions, describe, write};
 use base::unit::Unit;
 
 /// Colour, ln σ and opacity of the splats of [`section`]s, in the bytes of a file.
@@ -191,4 +191,105 @@ fn what_is_wrong_is_refused_by_name() {
     let more = gzip(&[&third[..], &[0; 3]].concat());
     assert!(read_both(read, &more, &ReadOptions::default()).is_ok(), "what follows is ignored but if strict");
     assert!(sniff(&gzip(&third)) && sniff(&fourth) && !sniff(&gzip(b"NGSQ")) && !sniff(b"NG") && !sniff(b""));
+}
+
+/// Where the records of a file of version 4 begin, and where the bytes of the first.
+const RECORD: usize = ZSTD_HEADER as usize;
+const PAYLOAD: usize = RECORD + 8;
+
+/// Returns a file of version 4 with colours and a fit of fewer splats, and the `.vgs` of that.
+fn live() -> (Vec<u8>, Vec<u8>) {
+    let colours = coloured();
+    let mut fit = SplatSet { colours: None, unit: Unit::Hu, ..coloured() };
+    fit.splats.truncate(40);
+    fit.splats.iter_mut().zip(0..).for_each(|(splat, i)| splat.intensity = 30.0 * i as f32);
+    fit.labels = Some((0..40).map(|i| i % 3).collect());
+    fit.label_names = vec![(1, "liver".to_owned())];
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.spz");
+    let options = WriteOptions { live: Some(&fit), ..WriteOptions::default() };
+    crate::write_as(&path, &colours, &options).expect("a file");
+    let file = std::fs::read(&path).expect("the file");
+    assert_eq!(crate::file_bytes(&path, &colours, &options).expect("bytes"), file.len() as u64);
+    (file, vgs::encode(&fit).expect("a .vgs"))
+}
+
+/// Returns the file with these bytes at a place.
+fn with(file: &[u8], at: usize, bytes: &[u8]) -> Vec<u8> {
+    let mut file = file.to_vec();
+    file[at..at + bytes.len()].copy_from_slice(bytes);
+    file
+}
+
+#[test]
+fn a_live_file_is_its_fit_here_and_its_colours_elsewhere() {
+    let (file, fit) = live();
+    assert_eq!(file[PAYLOAD..][..fit.len()], fit);
+    let strict = ReadOptions { strict: true, ..ReadOptions::default() };
+    let found = read_both(read, &file, &strict).expect("the fit");
+    assert_eq!(found, vgs::decode(&fit, &strict).expect("a .vgs").0);
+    let summary = describe(Input::of(Cursor::new(file.clone()), "a"), &strict).expect("a description");
+    assert_eq!((summary.format, summary.splats, summary.unit), ("spz", 40, Unit::Hu));
+    assert!(
+        summary.encoding.starts_with("version 4, zstd, beside colours a .vgs of"),
+        "{}",
+        summary.encoding
+    );
+    assert_eq!(summary.elements.last(), Some(&("splat with colours".to_owned(), 60)));
+
+    // To those that do not know the record the file is that of version 3.
+    let others = read_both(read, &with(&file, RECORD, &[9, 0, 1, 0]), &strict).expect("colours");
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let path = folder.path().join("a.spz");
+    write(&path, &coloured(), true).expect("a file");
+    assert_eq!(others, crate::read(&path, &strict).expect("colours"));
+}
+
+#[test]
+fn a_fit_that_is_damaged_is_refused_by_name() {
+    let (file, fit) = live();
+    let strict = ReadOptions { strict: true, max_splats: 60 };
+    let end = PAYLOAD + fit.len();
+    let record = |bytes: &[u8]| [&FIT.to_le_bytes()[..], &(bytes.len() as u32).to_le_bytes(), bytes].concat();
+    // The same file with other records.
+    let recorded = |records: &[u8]| {
+        let table = (RECORD + records.len()) as u32;
+        [&with(&file[..RECORD], 16, &table.to_le_bytes()), records, &file[end..]].concat()
+    };
+    assert_eq!(recorded(&record(&fit)), file);
+    for (name, file, code) in [
+        ("a record longer than the zone", with(&file, RECORD + 4, &[0xff; 3]), "VGS-SPZ-001"),
+        ("a record shorter than its bytes", with(&file, RECORD + 4, &[9, 0, 0, 0]), "VGS-SPZ-001"),
+        ("a zone behind the end", with(&file, 18, &[0xff]), "VGS-SPZ-001"),
+        ("a record without bytes", recorded(&record(&[])), "VGS-SPZ-006"),
+        ("a file within itself", recorded(&record(&file)), "VGS-SPZ-006"),
+        ("two fits", recorded(&record(&fit).repeat(2)), "VGS-SPZ-001"),
+        ("half a fit", recorded(&record(&fit[..fit.len() / 2])), "VGS-SPZ-006"),
+        ("a later version", with(&file, PAYLOAD + 8, &[9]), "VGS-SPZ-006"),
+        ("another header", with(&file, PAYLOAD + 30, &[0]), "VGS-SPZ-006"),
+        ("another last byte", with(&file, end - 1, &[!file[end - 1]]), "VGS-SPZ-006"),
+        ("cut off in the colours", file[..file.len() - 1].to_vec(), "VGS-SPZ-001"),
+        ("cut off in the table", file[..end + 9].to_vec(), "VGS-SPZ-001"),
+        ("cut off in the fit", file[..end - 1].to_vec(), "VGS-SPZ-001"),
+    ] {
+        let error = read_both(read, &file, &strict).err().unwrap_or_else(|| panic!("{name}: it was read"));
+        assert_eq!((error.kind, error.code), (Kind::BadData, code), "{name}: {error}");
+        assert!(error.file.is_some() && !error.help.is_empty(), "{name}: {error}");
+    }
+    // No byte that is changed makes it panic.
+    for at in 0..file.len() {
+        let changed = Input::of(Cursor::new(with(&file, at, &[!file[at]])), "changed");
+        let _ = read(&changed, &ReadOptions::default());
+    }
+}
+
+#[test]
+fn a_fit_goes_only_into_spz_and_only_with_intensities() {
+    let folder = tempfile::tempdir().expect("a temporary folder");
+    let set = coloured();
+    let options = WriteOptions { live: Some(&set), ..WriteOptions::default() };
+    for (name, code) in [("a.ply", "VGS-SPZ-004"), ("a.glb", "VGS-SPZ-004"), ("a.spz", "VGS-SPZ-005")] {
+        let error = crate::write_as(&folder.path().join(name), &set, &options).expect_err(name);
+        assert_eq!((error.kind, error.code), (Kind::Usage, code), "{name}");
+    }
 }

@@ -37,6 +37,10 @@ pub struct ConvertArguments {
     /// .glb (glTF with KHR_gaussian_splatting), from which vgs reads the HU again
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     pub output: PathBuf,
+    /// Puts the splats with their HU into an .spz as well (its version 4): vgs opens it with a live transfer function,
+    /// other viewers show the colours, where they know that version
+    #[arg(long, help_heading = "Output")]
+    pub live: bool,
     /// How a PLY is laid out: vgs (HU as one more property, what most programs read), or inria (rows of 62
     /// floats, for programs that know no others)
     #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = worldly_layout, help_heading = "Output")]
@@ -227,6 +231,7 @@ Examples:
   vgs convert body.ply -o kidney.vgs --object kidney_left --object kidney_right
   vgs convert bones.ply -o hip.ply --box=-150,-40,-900,0,80,-700
   vgs convert bones.ply -o bones.spz --tf CT-Bones-Steep
+  vgs convert bones.ply -o bones.spz --live               for other viewers, and for vgs with any --tf
   vgs convert bones.ply -o bones.glb
   vgs convert bones.glb -o again.ply
   vgs convert organs.ply -o organs.glb --object-colours --object liver:opacity=0.3

@@ -39,6 +39,9 @@ struct Report {
 /// Runs the command.
 pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> {
     let (splats, output) = (arguments.first(), &arguments.output);
+    if arguments.live {
+        splat::check_live(output)?;
+    }
     if is_of_volume(splats)? {
         return coded::run(arguments, console);
     }
@@ -96,8 +99,13 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
         (report.transfer_function, report.hidden) = (Some(look.transfer.name.clone()), ready.hidden);
         report.of_each = !look.functions.is_empty();
     }
-    let options =
-        WriteOptions { layout: arguments.ply_layout, force: arguments.force, ..WriteOptions::default() };
+    let live = arguments.live.then(|| saving::shown(&set, &look));
+    let options = WriteOptions {
+        layout: arguments.ply_layout,
+        live: live.as_ref(),
+        force: arguments.force,
+        ..WriteOptions::default()
+    };
     ready.write(output, &options)?;
     tell(arguments, console, &report, &ready)
 }
@@ -143,7 +151,7 @@ fn tell(arguments: &ConvertArguments, console: &Console, report: &Report, ready:
         after as f64 / count.max(1) as f64,
         bytes(before),
     ));
-    if ready.made_of.is_some() {
+    if ready.made_of.is_some() || arguments.live {
         console.say("vgs reads them from it with HU, kernel, grid and labels");
     } else if splat::is_coloured(output) && transfer_function.is_some() {
         console.say("it is without HU, kernel, grid and labels, so keep the splats that it is made of");
@@ -188,8 +196,7 @@ fn prepared(
         let _waiting = Waiting::on("finding the colours of the splats");
         saving::ready(&gpu, set, look, output, arguments.tf.is_some()).map_err(|error| error.file(splats))?
     } else {
-        let part = saving::shown(set, look);
-        Ready { set: if part.count() == set.count() { set.clone() } else { part }, made_of: None, hidden: 0 }
+        Ready { set: saving::shown(set, look), made_of: None, hidden: 0 }
     };
     if !ready.set.is_empty() {
         return Ok(ready);

@@ -44,7 +44,8 @@ fn set() -> SplatSet {
 
 /// Returns a PLY of the set in a layout.
 fn in_layout(layout: &'static PlyLayout, set: &SplatSet) -> Vec<Vec<u8>> {
-    let options = splat::WriteOptions { layout, place: Some(place()), force: true, made_of: None };
+    let options =
+        splat::WriteOptions { layout, place: Some(place()), force: true, made_of: None, live: None };
     written(&["a.ply"], |path| splat::write_as(path, set, &options))
 }
 
@@ -108,9 +109,13 @@ pub fn vgs() -> Vec<Vec<u8>> {
     [write(set()), write(bare), write(many), write(coded)].concat()
 }
 
-/// SPZ of version 3, as it is written and so that its bytes can be changed, and of version 4.
+/// SPZ of version 3, as it is written and so that its bytes can be changed, of version 4, and with a fit.
 pub fn spz() -> Vec<Vec<u8>> {
     let of = |degree| written(&["a.spz"], move |path: &Path| splat::write(path, &coloured(degree), true));
+    let live = written(&["a.spz"], |path: &Path| {
+        let fit = set();
+        splat::write_as(path, &coloured(1), &splat::WriteOptions { live: Some(&fit), ..Default::default() })
+    });
     let written = [of(0), of(2)].concat();
     let content = |file: &Vec<u8>| {
         let mut content = Vec::new();
@@ -119,7 +124,7 @@ pub fn spz() -> Vec<Vec<u8>> {
     };
     let contents: Vec<_> = written.iter().map(content).collect();
     let stored = contents.iter().map(|content| stored_gzip(content)).collect();
-    [written, stored, contents.iter().map(|content| in_version_4(content)).collect()].concat()
+    [written, stored, contents.iter().map(|content| in_version_4(content)).collect(), live].concat()
 }
 
 /// Bytes before and behind the content of a file of [`stored_gzip`].
