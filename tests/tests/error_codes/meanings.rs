@@ -78,6 +78,7 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("VGS-PLY-010", "a row cannot be read"),
     ("VGS-PLY-024", "the spherical harmonics are not all there"),
     ("VGS-PLY-029", "the volume of the fit is needed to write this layout"),
+    ("VGS-PLY-034", "a value of Volume Encoding Gaussians is not there"),
     ("VGS-PY-001", "an affine that cannot be one"),
     ("VGS-PY-002", "something that cannot be, in the package itself"),
     ("VGS-PY-008", "arrays with something that no splat can have"),

@@ -127,6 +127,15 @@ impl Header {
     }
 }
 
+/// Fails if there are too many splats.
+pub(super) fn check_count(element: &ElementDef, most: u64) -> Result<()> {
+    if element.count as u64 > most {
+        let message = format!("{} splats, at most {most} are allowed", element.count);
+        return Err(bad("VGS-PLY-014", message).help("divide the file into smaller ones"));
+    }
+    Ok(())
+}
+
 /// Returns the bytes of one binary row, or `None` if the element has a list.
 pub(super) fn stride(element: &ElementDef) -> Option<usize> {
     element.properties.values().map(|property| scalar_bytes(&property.data_type)).sum()

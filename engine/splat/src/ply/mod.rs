@@ -28,6 +28,8 @@
 //! **The PLY of the paper's authors** looks like one of these and is not: `reference` has what its numbers
 //! stand for. It is known by its property `intensity_01`, and read and written as a row of [`PLY_LAYOUTS`].
 //!
+//! **Volume Encoding Gaussians** have elements of their own, and are read alone: `veg`.
+//!
 //! Every input ends as a set or as an error of class `BadData`, at a cost that the file's length bounds.
 
 pub(super) mod comments;
@@ -41,6 +43,7 @@ pub(super) mod region;
 mod rows;
 #[cfg(test)]
 mod tests;
+mod veg;
 mod write;
 
 pub use layout::{PLY_LAYOUTS, PlyLayout};

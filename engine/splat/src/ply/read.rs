@@ -4,14 +4,14 @@ use std::io::{BufRead, BufReader, Read, Seek};
 
 use ply_rs::ply::{ElementDef, PropertyType};
 
-use super::header::{Header, bad, quoted};
+use super::header::{Header, bad, check_count, quoted};
 use super::layout::{INRIA, PLY_LAYOUTS};
 use super::names::{
     COLOUR_PROPERTIES, EXCEPTION_ELEMENT, INTENSITY_ELEMENT, INTENSITY_PROPERTY, LABEL_PROPERTY,
     REGION_ELEMENT, rest_property,
 };
 use super::rows::{self, Column};
-use super::{comments, reference, region};
+use super::{comments, reference, region, veg};
 use crate::activation::ANISOTROPY_LIMIT;
 use crate::harmonics::{MAX_BASIS, MAX_DEGREE, basis_count, luminance};
 use crate::mend::{Mended, bound_opacities, ordinary_field, zeros};
@@ -57,7 +57,8 @@ pub fn read(input: &Input, options: &ReadOptions) -> Result<Unplaced> {
 /// Reads a splat set and describes what the file holds.
 pub fn describe(input: &Input, options: &ReadOptions) -> Result<Summary> {
     let Loaded { set, rows, header, mended, bytes, layout, intensity_01_range } = open(input, options)?;
-    let vertex = header.element("vertex").map(|(_, element)| element);
+    let vertex =
+        ["vertex", veg::SPLATS].into_iter().find_map(|name| header.element(name)).map(|(_, element)| element);
     let summary = Summary::of_set(&set, "ply", layout, bytes);
     let (placed, known) = (rows.is_none(), rows.as_ref().is_none_or(|rows| rows.has_hu));
     Ok(Summary {
@@ -112,6 +113,11 @@ pub(super) fn load(
     options: &ReadOptions,
 ) -> Result<Loaded> {
     let header = Header::read(&mut source)?;
+    if let Some(splats) = veg::splats(&header) {
+        let (set, mended) = veg::load(&mut source, &header, splats, bytes, options)?;
+        let layout = veg::NAME;
+        return Ok(Loaded { set, rows: None, header, mended, bytes, layout, intensity_01_range: None });
+    }
     let stated = comments::read(&header.comments)?;
     let plan = Plan::of(&header, &stated, options)?;
     plan.check_size(&header, bytes, options.strict)?;
@@ -299,17 +305,13 @@ pub(crate) fn convert_help(extension: &str) -> String {
     )
 }
 
-/// Fails if the splats are packed as in SuperSplat, or too many.
+/// Fails if the splats are packed as in SuperSplat, or there are too many.
 fn check_vertex(vertex: &ElementDef, options: &ReadOptions) -> Result<()> {
     if vertex.properties.contains_key(PACKED) {
         let message = format!("the splats are packed (property `{PACKED}`): a compressed PLY of SuperSplat");
         return Err(bad("VGS-PLY-031", message).help(convert_help("compressed.ply")));
     }
-    if vertex.count as u64 > options.max_splats {
-        let message = format!("{} splats, at most {} are allowed", vertex.count, options.max_splats);
-        return Err(bad("VGS-PLY-014", message).help("divide the file into smaller ones"));
-    }
-    Ok(())
+    check_count(vertex, options.max_splats)
 }
 
 /// Where the intensity of a splat comes from.

@@ -49,7 +49,27 @@ fn in_layout(layout: &'static PlyLayout, set: &SplatSet) -> Vec<Vec<u8>> {
     written(&["a.ply"], |path| splat::write_as(path, set, &options))
 }
 
-/// PLY of this project, and one as text.
+/// PLY of Volume Encoding Gaussians: two splats in floats, and two of halves and codes.
+fn encoding_volumes() -> Vec<Vec<u8>> {
+    let names = "x y z opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3 scalar".split(' ');
+    let properties = |places: &str, others: &str| -> String {
+        let kind = |k: usize| if k < 3 { places } else { others };
+        names.clone().enumerate().map(|(k, name)| format!("property {} {name}\n", kind(k))).collect()
+    };
+    let start = "ply\nformat binary_little_endian 1.0\nelement gaussians 2\n";
+    let plain = format!("{start}{}end_header\n", properties("float", "float"));
+    let codebook = "opacity scaling rotation_re rotation_im scalar".split(' ');
+    let codebook: String = codebook.map(|name| format!("property short {name}\n")).collect();
+    let coded = properties("short", "uchar");
+    let coded = format!("{start}{coded}element codebook_centers 256\n{codebook}end_header\n");
+    let floats: Vec<u8> = [0.5f32; 24].iter().flat_map(|v| v.to_le_bytes()).collect();
+    // 1 as a float of 16 bits.
+    let codes = [[0, 0x3c, 0, 0x3c, 0, 0x3c, 0, 1, 2, 3, 4, 5, 6, 7, 8].repeat(2), [0, 0x3c].repeat(5 * 256)]
+        .concat();
+    vec![[plain.into_bytes(), floats].concat(), [coded.into_bytes(), codes].concat()]
+}
+
+/// PLY of this project, one as text, and those of others.
 pub fn ply() -> Vec<Vec<u8>> {
     let names = "x y z f_dc_0 f_dc_1 f_dc_2 opacity scale_0 scale_1 scale_2 rot_0 rot_1 rot_2 rot_3";
     let properties: String = names.split(' ').map(|name| format!("property float {name}\n")).collect();
@@ -57,7 +77,7 @@ pub fn ply() -> Vec<Vec<u8>> {
         "ply\nformat ascii 1.0\nelement vertex 2\n{properties}end_header\n{}",
         "0 1 2 0.5 0.5 0.5 1 -1 -1 -1 1 0 0 0\n".repeat(2)
     );
-    [in_layout(&PLY_LAYOUTS[0], &set()), vec![text.into_bytes()]].concat()
+    [in_layout(&PLY_LAYOUTS[0], &set()), vec![text.into_bytes()], encoding_volumes()].concat()
 }
 
 /// Returns a set with colours up to a degree.
