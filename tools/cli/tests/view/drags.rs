@@ -17,7 +17,7 @@ fn frames_of_a_drag_wait_for_nothing() {
         screen.hand(&["mousemove", "430", "350"]);
         viewer.settle();
         screen.hand(&["mousedown", button]);
-        let places = (0..30).map(|step| [(430 + 4 * step).to_string(), (350 + step % 7).to_string()]);
+        let places = (0..80).map(|step| [(430 + 2 * step).to_string(), (350 + step % 7).to_string()]);
         let moves: Vec<String> = places
             .flat_map(|[x, y]| ["mousemove".to_owned(), x, y, "sleep".to_owned(), "0.03".to_owned()])
             .collect();
