@@ -17,7 +17,8 @@ use engine::render::{Look, OF_VOLUMES, Scene, VolumeSource};
 use engine::splat::harmonics::SH0;
 use engine::splat::{self, Harmonics, Splat, SplatSet};
 use engine::unit::Unit;
-use engine::volume::{self, LabelChoice, Roi, Volume};
+use engine::volume::edges::Edges;
+use engine::volume::{self, BetweenSlices, LabelChoice, Roi, Volume};
 use engine::{Error, Kind, Result, output, transfer};
 use glam::DVec3;
 use rand::{RngExt, SeedableRng};
@@ -99,7 +100,9 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
         function.material.shade = false;
         looks.push(Look::new(function));
     }
-    let source = VolumeSource { volume: &volume, roi: Some(&roi) };
+    // As programs show it: against the bare mask a fit would be wrong at every edge.
+    let (as_shown, region) = volume::shown(&volume, Some(&roi), BetweenSlices::default(), Edges::default());
+    let source = VolumeSource { volume: &as_shown, roi: region.as_deref() };
     let mut scene = Scene::new(gpu, None, Some(&source), &looks[0])?;
     let views = |scene: &Scene, count, shift| {
         Views::of_scene(gpu, scene, OF_VOLUMES, (count, shift), arguments.size, &mut |_| true)?

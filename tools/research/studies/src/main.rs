@@ -4,9 +4,11 @@
 
 mod bake;
 mod code;
+mod hybrid;
 mod images;
 mod model;
 mod paper;
+mod seams;
 mod soak;
 mod trade;
 
@@ -29,6 +31,8 @@ of the frame budget
   studies code ct.nii.gz --roi bones.nii.gz    bytes of a region with a bound on every voxel's error
   studies bake bones.ply      how near splats for other viewers come to the pictures of a fit
   studies images ct.nii.gz --roi bones.nii.gz --fit bones.ply --fit-time 60    splats trained by pictures beside a fit
+  studies hybrid ct.nii.gz --roi bones.nii.gz --fit bones.ply    a fit sharpened by pictures of several functions
+  studies seams ct.nii.gz --whole bones.vgs bones/*.vgs    whether a fit in blocks shows where they meet
   studies soak --minutes 60           whether memory stays as it is"
 )]
 struct StudiesArguments {
@@ -49,7 +53,9 @@ enum Study {
     Model(model::ModelArguments),
     Bake(bake::BakeArguments),
     Code(code::CodeArguments),
+    Hybrid(hybrid::HybridArguments),
     Images(images::ImagesArguments),
+    Seams(seams::SeamsArguments),
     Soak(soak::SoakArguments),
 }
 
@@ -66,7 +72,9 @@ fn run(arguments: &StudiesArguments) -> Result<()> {
         Study::Model(a) => model::run(&Gpu::new(&options)?, a),
         Study::Bake(a) => bake::run(&Gpu::new(&options)?, a),
         Study::Code(a) => code::run(a),
+        Study::Hybrid(a) => hybrid::run(&Gpu::new(&options)?, a),
         Study::Images(a) => images::run(&Gpu::new(&options)?, a),
+        Study::Seams(a) => seams::run(&Gpu::new(&options)?, a),
         Study::Soak(a) => soak::run(&options, a),
     }
 }
