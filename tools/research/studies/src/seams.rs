@@ -9,6 +9,7 @@ use engine::rasterize::{Quantity, rasterize};
 use engine::splat::{self, ReadOptions, SplatSet};
 use engine::volume::{self, Volume};
 use engine::{Error, Kind, Result, output};
+use glam::DVec3;
 
 /// The error of a fit in blocks near seams and elsewhere, and of one fit at the same voxels.
 #[derive(Args)]
@@ -44,7 +45,7 @@ const NOTHING: u16 = u16::MAX;
 /// Reads, decodes and compares.
 ///
 /// # Errors
-/// Those of reading and of the device; [`Kind::Usage`] for blocks of another grid than the volume's.
+/// Those of reading and of the device; [`Kind::Usage`] for splats without a region.
 pub fn run(gpu: &Gpu, arguments: &SeamsArguments) -> Result<()> {
     output::check_writable(&arguments.out, arguments.force)?;
     let volume = Volume::read(&arguments.volume, &volume::ReadOptions::default())?;
@@ -53,7 +54,7 @@ pub fn run(gpu: &Gpu, arguments: &SeamsArguments) -> Result<()> {
     let mut field = volume.clone();
     let (mut splats, mut bytes) = (0, 0);
     for (number, path) in arguments.blocks.iter().enumerate() {
-        let set = of_grid(path, &volume)?;
+        let set = of_region(path)?;
         rasterize(gpu, &set, Quantity::Field, &mut field)?;
         for i in members(&set, &volume) {
             owners[i] = number as u16;
@@ -62,7 +63,7 @@ pub fn run(gpu: &Gpu, arguments: &SeamsArguments) -> Result<()> {
         splats += set.splats.len();
         bytes += splat::file_bytes(Path::new("x.vgs"), &set, &splat::WriteOptions::default())?;
     }
-    let whole = of_grid(&arguments.whole, &volume)?;
+    let whole = of_region(&arguments.whole)?;
     rasterize(gpu, &whole, Quantity::Field, &mut field)?;
     let near = near_seams(&owners, volume.size, arguments.near);
     let range = volume.min_max().map_or(1.0, |(low, high)| f64::from(high) - f64::from(low));
@@ -90,21 +91,26 @@ pub fn run(gpu: &Gpu, arguments: &SeamsArguments) -> Result<()> {
     output::write_atomic(&arguments.out, arguments.force, |file| file.write_all(table.as_bytes()))
 }
 
-/// Reads splats that were fitted on the grid of the volume and know their region.
-fn of_grid(path: &Path, volume: &Volume) -> Result<SplatSet> {
+/// Reads splats that know the region that they were fitted to.
+fn of_region(path: &Path) -> Result<SplatSet> {
     let set = splat::read(path, &ReadOptions::default())?;
-    let same = set.grid.is_some_and(|grid| grid.size.map(|n| n as usize) == volume.size);
-    if same && set.region.is_some() {
+    if set.region.is_some() && set.grid.is_some() {
         return Ok(set);
     }
-    let message = "splats without a region, or of another grid than the volume's";
-    Err(Error::new(Kind::Usage, "VGS-BEN-066", message).file(path).help("fit them to this volume and a mask"))
+    let message = "splats without a region";
+    Err(Error::new(Kind::Usage, "VGS-BEN-066", message).file(path).help("fit them to a binary mask"))
 }
 
-/// Returns the indices of the voxels of a set's region.
-fn members<'a>(set: &'a SplatSet, volume: &'a Volume) -> impl Iterator<Item = usize> + 'a {
-    let voxels = set.region.iter().flat_map(|region| region.voxels());
-    voxels.map(|([x, y, z], _)| volume.index(x as usize, y as usize, z as usize))
+/// Returns the indices of the volume's voxels in a set's region, which may have more slices than the volume.
+fn members(set: &SplatSet, volume: &Volume) -> Vec<usize> {
+    let (Some(region), Some(grid)) = (&set.region, &set.grid) else { return Vec::new() };
+    let into = grid.world_from_voxel.inverse() * volume.world_from_voxel;
+    let [nx, ny, _] = volume.size;
+    let is_in = |&i: &usize| {
+        let at = DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64);
+        region.at(into.transform_point3(at).round().to_array().map(|v| v as i64)).is_some()
+    };
+    (0..volume.len()).filter(is_in).collect()
 }
 
 /// Returns, of each voxel, whether one of another owner is at most `reach` away along an axis.
