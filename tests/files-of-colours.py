@@ -20,8 +20,8 @@ import tempfile
 import numpy as np
 
 SH0 = 0.2820948
-# From RAS to the axes of each file. splat-transform turns those of an .spz to right, down, front for a PLY.
-AXES = {"spz": [[1, 0, 0], [0, 0, 1], [0, -1, 0]], "glb": [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
+# From RAS to the axes of each file. splat-transform turns those of an .spz to right, down, front for a PLY; a .sog has these.
+AXES = {"spz": [[1, 0, 0], [0, 0, 1], [0, -1, 0]], "sog": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "glb": [[-1, 0, 0], [0, 0, 1], [0, 1, 0]],
         "ply": [[1, 0, 0], [0, 0, -1], [0, 1, 0]], "ras": [[1, 0, 0], [0, 1, 0], [0, 0, 1]]}
 # What the validator says of an extension that it does not know, of the names of its attributes, and of the bytes of
 # exceptions, which only `extras` name.
@@ -97,6 +97,15 @@ def compare(title, truth, found, axes):
           f"covariance {off.max():.2g}, opacity {np.abs(opacity - truth[3]).max():.2g}, colour {colours:.2g}")
 
 
+def ordered(truth, found, axes):
+    """Returns the splats that were found in the order of the truth: a .sog has them along a curve."""
+    wanted = np.concatenate([truth[0] @ np.array(axes).T * 1e3, truth[3][:, None] * 1e2, truth[4][:, 0] * 1e2], 1)
+    there = np.concatenate([found[0] * 1e6, found[3][:, None] * 1e2, found[4][:, 0] * 1e2], 1)
+    nearest = [np.abs(there - row).sum(1).argmin() for row in wanted]
+    print(f"  {len(set(nearest))} splats of {len(truth[0])} are the nearest to one")
+    return [part[nearest] for part in found]
+
+
 def metres(found):
     """Returns what a file of mm holds, in metres."""
     place, shape, *rest = found
@@ -126,7 +135,7 @@ def main(vgs, splats, modules=None):
     good = True
     with tempfile.TemporaryDirectory() as name:
         out = lambda ending: pathlib.Path(name) / ("a." + ending)
-        for ending in ("ply", "spz", "glb"):
+        for ending in ("ply", "spz", "sog", "glb"):
             run(vgs, "convert", splats, "--tf", "CT-Bone", "-o", out(ending))
         truth = by_ply(out("ply"))
         for module, reader, ending in [("gsply", by_gsply, "spz"), ("pygltflib", by_pygltflib, "glb")]:
@@ -135,6 +144,10 @@ def main(vgs, splats, modules=None):
                 compare(title, truth, reader(out(ending)), AXES[ending])
         run(vgs, "convert", out("spz"), "-o", out("back.ply"))
         compare(".spz by vgs", truth, metres(by_ply(out("back.ply"))), AXES["ras"])
+        run(vgs, "convert", out("sog"), "-o", out("back.ply"), "--force")
+        compare(".sog by vgs", truth, ordered(truth, metres(by_ply(out("back.ply"))), AXES["ras"]), AXES["ras"])
+        sizes = [f"{out(ending).stat().st_size / len(truth[0]):.1f} as .{ending}" for ending in ("spz", "sog", "glb")]
+        print("bytes a splat:", ", ".join(sizes))
         run(vgs, "convert", out("glb"), "-o", out("hu.ply"))
         run(vgs, "convert", out("hu.ply"), "--tf", "CT-Bone", "-o", out("again.ply"))
         again = by_ply(out("again.ply"))
@@ -143,11 +156,16 @@ def main(vgs, splats, modules=None):
             transform = modules / ".bin" / "splat-transform"
             run(transform, "-w", out("spz"), out("spz.ply"))
             compare(".spz by splat-transform", truth, by_ply(out("spz.ply")), AXES["ply"])
-            for ending in ("spz", "glb"):
+            run(transform, "-w", out("sog"), out("sog.ply"))
+            found = ordered(truth, by_ply(out("sog.ply")), AXES["sog"])
+            compare(".sog by splat-transform", truth, found, AXES["sog"])
+            for ending in ("spz", "glb", "sog"):
                 # Of a PLY splat-transform takes the axes for right, down, front, and the unit for metres.
-                run(transform, "-w", out("spz.ply"), out("theirs." + ending))
+                run(transform, "-w", out("sog.ply" if ending == "sog" else "spz.ply"), out("theirs." + ending))
                 run(vgs, "convert", out("theirs." + ending), "-o", out("theirs.ply"), "--force")
-                compare(f".{ending} of splat-transform by vgs", truth, metres(by_ply(out("theirs.ply"))), AXES["ras"])
+                found = metres(by_ply(out("theirs.ply")))
+                found = ordered(truth, found, AXES["ras"]) if ending == "sog" else found
+                compare(f".{ending} of splat-transform by vgs", truth, found, AXES["ras"])
             good = validate(modules, out("glb"))
     return 0 if good else 1
 

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
-use super::{Place, SplatSet, Unplaced, glb, join, ply, spz, vgs};
+use super::{Place, SplatSet, Unplaced, glb, join, ply, sog, spz, vgs};
 use base::error::{Error, Kind, Result};
 use base::input::Input;
 
@@ -44,6 +44,17 @@ pub const FORMATS: &[Format] = &[
         bytes: spz::bytes,
     },
     Format {
+        name: "sog",
+        rounds: false,
+        coloured: true,
+        physical: false,
+        voxels: false,
+        live: false,
+        reader: Reader { sniff: sog::sniff, read: sog::read, describe: sog::describe },
+        write: sog::write,
+        bytes: sog::bytes,
+    },
+    Format {
         name: "glb",
         rounds: false,
         coloured: true,
@@ -66,8 +77,7 @@ struct Foreign {
     converted: bool,
 }
 
-const FOREIGN: [Foreign; 4] = [
-    Foreign { name: "a SOG bundle", extension: "sog", begins: &[b"PK"], converted: true },
+const FOREIGN: [Foreign; 3] = [
     Foreign { name: "a SPLAT file", extension: "splat", begins: &[b""], converted: true },
     Foreign { name: "a KSPLAT file", extension: "ksplat", begins: &[b""], converted: true },
     Foreign { name: "glTF as text", extension: "gltf", begins: &[b"{", b"\xef\xbb\xbf{"], converted: false },
@@ -328,9 +338,7 @@ pub mod tests {
             let error = describe(at(name), &ReadOptions::default()).expect_err(name);
             assert_eq!((error.kind, error.code), (Kind::BadData, "VGS-SPLAT-001"), "{name}");
         }
-        for (name, content) in
-            [("a.sog", &b"PK\x03\x04"[..]), ("a.GLTF", b"{\"asset\":"), ("a.splat", b"1234")]
-        {
+        for (name, content) in [("a.GLTF", &b"{\"asset\":"[..]), ("a.splat", b"1234")] {
             std::fs::write(at(name), content).expect("writing");
             assert!(is_splats(&at(name), content), "{name}");
             let error = describe(at(name), &ReadOptions::default()).expect_err(name);

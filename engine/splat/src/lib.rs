@@ -18,7 +18,7 @@
 //! | `packed` | a set in 16 bytes a splat |
 //! | `select` | some splats of a set: [`SplatSet::selected`] |
 //! | `file`, `format`, `ply`, `vgs` | files: [`FORMATS`], [`read`] and [`read_all`] from paths and readers, [`write`](write()) |
-//! | `spz`, `glb`, `ordinary` | files for programs that draw splats with colours, in metres |
+//! | `spz`, `sog`, `glb`, `ordinary` | files for programs that draw splats with colours, in metres |
 //! | `place`, `unplaced` | sets without a known place: [`Unplaced`], until a volume gives the [`Place`] |
 //! | `defect`, `mend` | which splats a file must not hold, and what is done to those of a file |
 #![forbid(unsafe_code)]
@@ -44,6 +44,7 @@ pub mod ply;
 mod region;
 mod select;
 mod set;
+mod sog;
 pub mod space;
 mod spz;
 mod structures;

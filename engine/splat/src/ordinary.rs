@@ -135,6 +135,39 @@ pub(super) mod tests {
         }
     }
 
+    /// Creates more splats than a byte has values, none of which is like another.
+    pub fn many() -> SplatSet {
+        let mut set = coloured();
+        let (splats, colours) = (set.splats.clone(), set.colours.clone().expect("colours"));
+        let all = set.colours.as_mut().expect("colours");
+        for turn in 1..20 {
+            let by = turn as f32;
+            set.splats.extend(splats.iter().map(|splat| Splat {
+                mean: splat.mean.map(|v| v * (1.0 - by / 50.0)),
+                log_scale: splat.log_scale.map(|log| log + by / 40.0),
+                rotation: splat.rotation.map(|v| v + by / 100.0),
+                ..*splat
+            }));
+            all.coefficients.extend(colours.coefficients.iter().map(|c| c * (1.0 - by / 30.0)));
+        }
+        set
+    }
+
+    /// Returns the rows of the splats of `set` in its order, by their places.
+    pub fn in_order(set: &SplatSet, rows: Vec<Row>, to_ras: fn(DVec3) -> DVec3) -> Vec<Row> {
+        let mut rows: Vec<Option<Row>> = rows.into_iter().map(Some).collect();
+        let mut ordered = Vec::new();
+        for splat in &set.splats {
+            let place = DVec3::from_array(splat.mean.map(f64::from)) + set.origin_mm;
+            let far = |row: &Option<Row>| {
+                row.as_ref().map_or(f64::INFINITY, |row| (to_ras(row.place) * 1e3).distance(place))
+            };
+            let nearest = rows.iter_mut().min_by(|a, b| far(a).total_cmp(&far(b)));
+            ordered.extend(nearest.and_then(Option::take));
+        }
+        ordered
+    }
+
     /// Checks what a file holds of `set`; `to_ras` takes a direction of the file to RAS.
     pub fn check(set: &SplatSet, rows: &[Row], to_ras: fn(DVec3) -> DVec3, allowed: &Errors) {
         assert_eq!(rows.len(), set.splats.len());

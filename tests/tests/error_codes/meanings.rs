@@ -1,7 +1,7 @@
 //! What the file says beyond the sources: headings, and the meaning of codes that have several messages or none of their own.
 
 /// The groups of codes, in the order of the file.
-pub const GROUPS: [(&str, &str); 34] = [
+pub const GROUPS: [(&str, &str); 35] = [
     ("CLI", "the command line"),
     ("CFG", "the settings of a fit"),
     ("VOL", "volumes"),
@@ -21,6 +21,7 @@ pub const GROUPS: [(&str, &str); 34] = [
     ("BAKE", "splats for other viewers"),
     ("PLY", "PLY files"),
     ("SPZ", "SPZ files"),
+    ("SOG", "SOG files"),
     ("GLB", "binary glTF files"),
     ("RENDER", "rendering"),
     ("CAM", "cameras"),
@@ -83,6 +84,7 @@ pub const MEANINGS: &[(&str, &str)] = &[
     ("VGS-PY-002", "something that cannot be, in the package itself"),
     ("VGS-PY-008", "arrays with something that no splat can have"),
     ("VGS-PY-018", "an argument that cannot be used"),
+    ("VGS-SOG-001", "the file is damaged, or holds splats that cannot be"),
     ("VGS-SPZ-001", "the file is damaged, or holds splats that cannot be"),
     ("VGS-ROI-003", "the region of interest is empty"),
     ("VGS-TF-005", "a window that cannot be understood"),

@@ -175,7 +175,7 @@ pub const FOUND: &[Row] = &[
             t(
                 "engine/splat/src/file.rs",
                 "a_file_is_known_by_its_content_and_written_by_its_extension",
-                &["a.sog"],
+                &["a.splat"],
             ),
         ],
         verdict: Partly("of foreign splat files; not every message is held to it"),

@@ -35,7 +35,7 @@ fn pictures_come_nearer_and_the_same_seed_gives_the_same_file() {
 
     // Fewer splats, in other formats, without light and within a time.
     let fewer = ["--max-splats", "20", "--shade", "off", "--time-budget", "2s", "--json"];
-    for name in ["d.ply", "d.glb"] {
+    for name in ["d.ply", "d.sog", "d.glb"] {
         let told = folder.run(&bake(name, &[&SMALL[..], &fewer].concat())).json();
         assert_eq!(told["splats"], 20, "{name}");
         let set = splat::read(folder.path(name), &ReadOptions::default()).expect("splats");
@@ -106,7 +106,7 @@ fn what_cannot_be_baked_is_refused() {
         (&["bake", "coded.vgs", "-o", "no.ply"], "VGS-CLI-171", 2, "vgs fit"),
         (&["bake", "ours.ply", "-o", "no.ply", "--tf", "CT-Lung"], "VGS-CLI-172", 3, "another --tf"),
         (&["bake", "ours.ply", "-o", "ours.ply"], "VGS-CLI-021", 73, "another name"),
-        (&["bake", "ours.ply", "-o", "no.splat"], "VGS-SPLAT-002", 2, "ply, vgs, spz, glb"),
+        (&["bake", "ours.ply", "-o", "no.splat"], "VGS-SPLAT-002", 2, "ply, vgs, spz, sog, glb"),
         (&["bake", "ours.ply", "-o", "no.vgs"], "VGS-CLI-173", 2, ".spz"),
         (&["bake", "ours.ply", "-o", "no.ply", "--views", "0"], "VGS-BAKE-003", 2, "1 to 10000"),
         (&["bake", "ours.ply", "-o", "no.ply", "--size", "5"], "VGS-BAKE-003", 2, "16 to 1920"),

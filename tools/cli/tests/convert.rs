@@ -56,7 +56,7 @@ fn a_ply_is_written_in_any_layout_that_needs_no_volume() {
 fn splats_in_formats_of_others_are_told_by_name() {
     let folder = Folder::new(16);
     for (name, start, word) in
-        [("a.splat", &b"1234"[..], "a SPLAT file"), ("a.sog", b"PK\x03\x04", "a SOG bundle")]
+        [("a.splat", &b"1234"[..], "a SPLAT file"), ("a.ksplat", b"1234", "a KSPLAT file")]
     {
         folder.write(name, start);
         for command in [&["info", name][..], &["convert", name, "-o", "a.ply"]] {
@@ -148,6 +148,15 @@ fn programs_that_know_only_colours_get_those_of_a_transfer_function() {
     let packed = set(&folder, "a.spz");
     assert!(packed.colours.is_some() && !packed.splats.is_empty(), "it is read again");
 
+    assert_eq!(folder.run(&["convert", "ours.ply", "-o", "a.sog"]).code, 0);
+    let info = folder.run(&["info", "a.sog", "--json"]).json();
+    assert_eq!(
+        (info["format"].as_str(), info["harmonics_degree"].as_u64()),
+        (Some("sog"), Some(2)),
+        "{info}"
+    );
+    assert_eq!(set(&folder, "a.sog").splats.len(), packed.splats.len());
+
     let told = folder.run(&["convert", "ours.ply", "-o", "a.glb", "--tf", "ct-bones-steep", "--json"]).json();
     assert_eq!(told["transfer_function"], "CT-Bones-Steep");
     let shown = ours.splats.len() as u64 - told["hidden"].as_u64().expect("a number");
@@ -188,7 +197,7 @@ fn programs_that_know_only_colours_get_those_of_a_transfer_function() {
         (&["convert", "ours.ply", "-o", "no.glb", "--tf", "CT-Bon"], "VGS-TF-006", 2, "CT-Bone"),
         (&["convert", "ours.ply", "-o", "no.vgs", "--tf", "CT-Bone"], "VGS-FILE-001", 2, ".ply"),
         (&["convert", "ours.ply", "-o", "no.nii.gz"], "VGS-CLI-130", 2, "vgs rasterize ours.ply"),
-        (&["convert", "ours.ply", "-o", "no.splat"], "VGS-SPLAT-002", 2, "ply, vgs, spz, glb"),
+        (&["convert", "ours.ply", "-o", "no.splat"], "VGS-SPLAT-002", 2, "ply, vgs, spz, sog, glb"),
         (&["convert", "a.spz", "-o", "no.spz", "--object", "liver:hiden"], "", 2, "NAME:hidden"),
         (&fit("no.spz", &["--no-eval"]), "VGS-CLI-133", 2, "vgs convert SPLATS -o OUT.spz"),
     ] {

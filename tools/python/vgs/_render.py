@@ -91,7 +91,7 @@ def render(
     """Renders splats, or a volume, through a transfer function.
 
     Args:
-        what: A :class:`SplatSet`; or a volume, as of :func:`fit`. A path of splats (.ply, .vgs, .spz, .glb) is read.
+        what: A :class:`SplatSet`; or a volume, as of :func:`fit`. A path of splats (.ply, .vgs, .spz, .sog, .glb) is read.
         tf: A preset (:data:`TRANSFER_FUNCTIONS`), a file (.vp, .vp.json, .xml:NAME, ParaView's .json),
             ``"window:WIDTH,LEVEL"``, or control points. None: CT-Bone, or MR-Default without HU, or the first preset that
             shows these splats; several objects have one for the kind of each.
@@ -208,7 +208,7 @@ def png(picture: npt.NDArray[Any]) -> bytes:
 def _shown(
     what: SplatSet | VolumeLike, roi: RoiLike | None
 ) -> tuple[_vgs.Splats | None, _vgs.Volume | None, _vgs.Roi | None]:
-    if isinstance(what, (str, os.PathLike)) and str(what).lower().endswith((".ply", ".vgs", ".spz", ".glb")):
+    if isinstance(what, (str, os.PathLike)) and str(what).lower().endswith((".ply", ".vgs", ".spz", ".sog", ".glb")):
         what = load(what)
     if isinstance(what, SplatSet):
         if roi is not None:

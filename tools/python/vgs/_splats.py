@@ -298,7 +298,7 @@ class SplatSet:
 
         Args:
             path: .ply for all programs; .vgs, which is small and rounded (see ``rounded`` of :func:`fit`), and has the splats in
-                another order. (``vgs convert`` writes .spz and .glb, which need colours.)
+                another order. (``vgs convert`` writes .spz, .sog and .glb, which need colours.)
             force: Replaces a file that exists.
 
         Raises:
@@ -369,7 +369,7 @@ class SplatSet:
 
 
 def load(*paths: FileLike, volume: VolumeLike | None = None, roi: RoiLike | None = None) -> SplatSet:
-    """Reads splats: .ply, .vgs, .spz, .glb. Several files become one set, whose labels are the files.
+    """Reads splats: .ply, .vgs, .spz, .sog, .glb. Several files become one set, whose labels are the files.
 
     Args:
         *paths: The files, as paths or as :func:`read` takes them.

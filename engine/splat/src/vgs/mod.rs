@@ -31,7 +31,7 @@ mod exceptions;
 mod file;
 mod lattice;
 mod layers;
-mod morton;
+pub(crate) mod morton;
 mod regression;
 mod rounding;
 mod rounds;

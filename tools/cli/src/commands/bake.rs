@@ -28,7 +28,7 @@ pub struct BakeArguments {
     /// The splats, with HU
     #[arg(value_name = "SPLATS")]
     splats: PathBuf,
-    /// The file: .ply, .spz, which is small, or .glb (glTF with KHR_gaussian_splatting)
+    /// The file: .ply, .spz, which is small, .sog (for PlayCanvas), or .glb (glTF with KHR_gaussian_splatting)
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     output: PathBuf,
     /// Replaces an output that exists
@@ -107,7 +107,7 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
         let message = "a .vgs holds no colours, and baked splats have nothing else";
         return Err(Error::new(Kind::Usage, "VGS-CLI-173", message)
             .file(output)
-            .help("write a .ply, .spz or .glb")
+            .help("write a .ply, .spz, .sog or .glb")
             .into());
     }
     if set.colours.is_some() {

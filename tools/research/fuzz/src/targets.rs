@@ -73,6 +73,7 @@ pub const TARGETS: &[Target] = &[
     in_memory("ply-reference", "ply", splats::ply_reference, splat_set),
     Target { mend: splats::vgs_sums, ..in_memory("vgs", "vgs", splats::vgs, splat_set) },
     Target { mend: splats::spz_sums, ..in_memory("spz", "spz", splats::spz, splat_set) },
+    Target { mend: splats::sog_sums, ..in_memory("sog", "sog", splats::sog, splat_set) },
     in_memory("glb", "glb", splats::glb, splat_set),
     reader("vp-json", "json", seeds::vp_json, transfer_function),
     reader("vp", "vp", seeds::vp, transfer_function),

@@ -147,7 +147,7 @@ fn memory_follows_what_is_read() {
         assert_eq!(bytes, need, "{name}");
         println!("{name}: {:.1} MB for {:.1} MB", taken as f64 / 1e6, need as f64 / 1e6);
         // Colours are there a second time while they are turned, and of glTF a third time.
-        let times = if name == "c.spz" || name == "c.glb" { 4 } else { 2 };
+        let times = if ["c.spz", "c.sog", "c.glb"].contains(&name) { 4 } else { 2 };
         if taken > times * need + BUFFERS {
             wrong.push(format!("{name}: {taken} bytes for {need}"));
         }
@@ -175,6 +175,7 @@ fn memory_follows_what_is_read() {
         ("c.ply", true, with_colours),
         ("a.vgs", false, own),
         ("c.spz", true, with_colours),
+        ("c.sog", true, with_colours),
         ("c.glb", true, with_colours),
     ] {
         let path = folder.path().join(name);

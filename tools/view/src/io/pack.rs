@@ -13,7 +13,7 @@ use zip::{CompressionMethod, DateTime, ZipWriter};
 use crate::model::state::{Copy, Files, ViewState, copy};
 
 /// Endings of files that are packed already.
-const PACKED: [&str; 5] = ["gz", "zip", "vgs", "spz", "inv3"];
+const PACKED: [&str; 6] = ["gz", "zip", "vgs", "spz", "sog", "inv3"];
 /// Size from which a file needs the long form of a zip's numbers, bytes.
 const LONG: u64 = u32::MAX as u64;
 /// How hard it is packed: more takes several times as long for a few percent.

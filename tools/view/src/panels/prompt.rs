@@ -57,7 +57,7 @@ pub enum Purpose {
 impl Purpose {
     /// Returns the title, the name of the button that confirms, and the extensions that are listed.
     fn words(self) -> (&'static str, &'static str, &'static [&'static str]) {
-        const SPLATS: [&str; 4] = [".ply", ".vgs", ".spz", ".glb"];
+        const SPLATS: [&str; 5] = [".ply", ".vgs", ".spz", ".sog", ".glb"];
         static DATA: LazyLock<Vec<&str>> =
             LazyLock::new(|| SPLATS.iter().chain(&[".toml"]).chain(VOLUMES.iter()).copied().collect());
         static VOLUMES: LazyLock<Vec<&str>> = LazyLock::new(|| {
@@ -79,12 +79,12 @@ impl Purpose {
             Purpose::Mask => ("Open a mask or a label map", "Open", VOLUMES.as_slice()),
             Purpose::Keep => ("Keep the splats: .ply, or .vgs for a small file", "Keep", &[".ply", ".vgs"]),
             Purpose::SaveSplats => (
-                "Save the splats that are shown: .ply, .vgs for a small file, .spz or .glb for viewers of colours",
+                "Save the splats that are shown: .ply, .vgs for a small file, .spz, .sog or .glb for viewers of colours",
                 "Save",
                 &SPLATS,
             ),
             Purpose::SaveObject(_) => (
-                "Save this object: .ply, .vgs for a small file, .spz or .glb for viewers of colours",
+                "Save this object: .ply, .vgs for a small file, .spz, .sog or .glb for viewers of colours",
                 "Save",
                 &SPLATS,
             ),

@@ -33,8 +33,8 @@ pub struct ConvertArguments {
     #[arg(long, value_name = "ORIGINAL")]
     pub like: Option<PathBuf>,
     /// The file: .vgs, which is small and rounded, or .ply. For people: .html, a page that any browser opens by itself, with
-    /// a live transfer function. For programs that draw splats and know no intensities: .spz, which is small, or
-    /// .glb (glTF with KHR_gaussian_splatting), from which vgs reads the HU again
+    /// a live transfer function. For programs that draw splats and know no intensities: .spz, which is small,
+    /// .sog (for PlayCanvas), or .glb (glTF with KHR_gaussian_splatting), from which vgs reads the HU again
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     pub output: PathBuf,
     /// Puts the splats with their HU into an .spz as well (its version 4): vgs opens it with a live transfer function,
@@ -45,8 +45,8 @@ pub struct ConvertArguments {
     /// floats, for programs that know no others)
     #[arg(long, value_name = "LAYOUT", default_value = "vgs", value_parser = worldly_layout, help_heading = "Output")]
     pub ply_layout: &'static PlyLayout,
-    /// Gives the splats the colours and opacities of a transfer function in place of their HU, as .spz and .glb
-    /// need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these: of several
+    /// Gives the splats the colours and opacities of a transfer function in place of their HU, as .spz, .sog
+    /// and .glb need it: a preset, a file, or window:WIDTH,LEVEL, as in `vgs render` [default for these: of several
     /// objects the usual look of each; of one CT-Bone, or MR-Default without HU; where that shows nothing of the
     /// splats, a preset that does]
     #[arg(long, value_name = "PRESET|FILE", help_heading = "Colours")]

@@ -91,7 +91,7 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
     let colours = |flag: &ObjectFlag| matches!(flag, ObjectFlag::Shown(change) if change.changes_colour());
     if !coloured && (arguments.object_colours || arguments.object.iter().any(colours)) {
         tracing::warn!(
-            "{}: colours, opacities and functions of objects are not in it; add --tf, or write a .glb or .spz",
+            "{}: colours, opacities and functions of objects are not in it; add --tf, or write a .glb, .spz or .sog",
             output.display()
         );
     }

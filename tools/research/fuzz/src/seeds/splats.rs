@@ -1,6 +1,6 @@
-//! Splats: PLY of this project, with colours, in the layout of the paper's authors; `.vgs`, SPZ and glTF.
+//! Splats: PLY of this project, with colours, in the layout of the paper's authors; `.vgs`, SPZ, SOG and glTF.
 
-use std::io::Read;
+use std::io::{Cursor, Read};
 use std::path::Path;
 
 use engine::splat::{
@@ -11,7 +11,9 @@ use engine::volume::{Roi, Volume};
 use flate2::read::GzDecoder;
 use glam::{DAffine3, DVec3};
 use serde::Deserialize;
+use zip::{CompressionMethod, ZipArchive};
 
+use super::dicom::zipped;
 use super::{crc, written};
 
 /// The place that a volume gives to splats in the layout of the paper's authors.
@@ -203,6 +205,46 @@ fn zstd_frame(content: &[u8]) -> Vec<u8> {
     let size = content.len() as u32;
     let block = (size << 3 | 1).to_le_bytes();
     [&0xfd2f_b528u32.to_le_bytes()[..], &[0xa0], &size.to_le_bytes(), &block[..3], content].concat()
+}
+
+/// SOG of each degree, and with files that are packed in the zip.
+pub fn sog() -> Vec<Vec<u8>> {
+    let of = |degree| written(&["a.sog"], move |path: &Path| splat::write(path, &coloured(degree), true));
+    let files: Vec<_> = (0..=3).flat_map(of).collect();
+    let mut zip = ZipArchive::new(Cursor::new(&files[1])).expect("a zip");
+    let names: Vec<String> = zip.file_names().flatten().map(|name| name.into_owned()).collect();
+    let content = |name: String| {
+        let mut content = Vec::new();
+        zip.by_name(&name).expect("a file").read_to_end(&mut content).expect("its bytes");
+        (name, content)
+    };
+    let contents: Vec<_> = names.into_iter().map(content).collect();
+    [files, vec![zipped(&contents, CompressionMethod::Deflated)]].concat()
+}
+
+/// Writes the checksums of stored files of a changed zip anew, into the headers before them and into its directory.
+pub fn sog_sums(bytes: &[u8]) -> Vec<u8> {
+    let mut out = bytes.to_vec();
+    let number = |out: &[u8], at: usize, bytes: usize| {
+        let number =
+            out.get(at..at + bytes)?.iter().rev().fold(0u64, |number, &b| number << 8 | u64::from(b));
+        usize::try_from(number).ok()
+    };
+    let mut mended = |entry: usize| {
+        let (size, local) = (number(&out, entry + 24, 4)?, number(&out, entry + 42, 4)?);
+        let content = local + 30 + number(&out, local + 26, 2)? + number(&out, local + 28, 2)?;
+        let sum = crc(bytes.get(content..content.checked_add(size)?)?).to_le_bytes();
+        for at in [entry + 16, local + 14] {
+            out.get_mut(at..at + 4)?.copy_from_slice(&sum);
+        }
+        Some(())
+    };
+    let entries = bytes.windows(4).enumerate().filter(|(_, window)| *window == b"PK\x01\x02");
+    for (entry, _) in entries {
+        // What points out of the file stays as it is.
+        let _ = mended(entry);
+    }
+    out
 }
 
 /// Binary glTF: of colours, and of colours that were made of intensities.
