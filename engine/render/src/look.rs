@@ -167,6 +167,12 @@ impl Look {
             && self.clip.iter().all(|plane| plane.normal.dot(at_mm) >= plane.offset)
     }
 
+    /// Returns the splats of a set that it shows: without hidden objects and what its clip planes cut away.
+    pub fn shown_part(&self, set: &SplatSet) -> SplatSet {
+        let part = set.part(|number, at| self.shows(number, at));
+        if part.count() == set.count() { set.clone() } else { part }
+    }
+
     /// Returns v₀ of the shaded gradient: the lower end of what some function shows of intensities in `range`.
     pub fn dark(&self, range: [f64; 2]) -> f64 {
         let of = |function: &TransferFunction| {

@@ -9,7 +9,6 @@ use engine::bake::{Baked, Options, Progress, bake};
 use engine::render::{Look, ObjectChange};
 use engine::splat::{self, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind};
-use view::io::saving;
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
@@ -156,7 +155,7 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
             .help("choose another --tf, show an object, or leave out --clip")
             .into());
     }
-    let live = arguments.live.then(|| saving::shown(&set, &look));
+    let live = arguments.live.then(|| look.shown_part(&set));
     let write = WriteOptions {
         layout: arguments.ply_layout,
         live: live.as_ref(),

@@ -17,12 +17,6 @@ pub struct Ready {
     pub hidden: usize,
 }
 
-/// Returns the splats of `set` that a look shows: without hidden objects and what its clip planes cut away.
-pub fn shown(set: &SplatSet, look: &Look) -> SplatSet {
-    let part = set.part(|number, at| look.shows(number, at));
-    if part.count() == set.count() { set.clone() } else { part }
-}
-
 /// Returns the splats that a look shows as a file with this name holds them: with the colours of the look in a format of
 /// colours, and in any if `coloured` is set. Waits for the device where colours have to be found.
 ///
@@ -36,7 +30,7 @@ pub fn ready(gpu: &Gpu, set: &SplatSet, look: &Look, path: &Path, coloured: bool
         let made_of = both.then(|| set.of_rows(&baked.rows));
         return Ok(Ready { set: baked.set, made_of, hidden: baked.hidden });
     }
-    Ok(Ready { set: shown(set, look), made_of: None, hidden: 0 })
+    Ok(Ready { set: look.shown_part(set), made_of: None, hidden: 0 })
 }
 
 impl Ready {

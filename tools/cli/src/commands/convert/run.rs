@@ -99,7 +99,7 @@ pub fn run(arguments: &ConvertArguments, console: &Console) -> Result<u8, Stop> 
         (report.transfer_function, report.hidden) = (Some(look.transfer.name.clone()), ready.hidden);
         report.of_each = !look.functions.is_empty();
     }
-    let live = arguments.live.then(|| saving::shown(&set, &look));
+    let live = arguments.live.then(|| look.shown_part(&set));
     let options = WriteOptions {
         layout: arguments.ply_layout,
         live: live.as_ref(),
@@ -196,7 +196,7 @@ fn prepared(
         let _waiting = Waiting::on("finding the colours of the splats");
         saving::ready(&gpu, set, look, output, arguments.tf.is_some()).map_err(|error| error.file(splats))?
     } else {
-        Ready { set: saving::shown(set, look), made_of: None, hidden: 0 }
+        Ready { set: look.shown_part(set), made_of: None, hidden: 0 }
     };
     if !ready.set.is_empty() {
         return Ok(ready);
