@@ -86,9 +86,24 @@ impl Header {
         self.elements.iter().enumerate().find(|(_, element)| element.name == name)
     }
 
+    /// Fails if the rows that are read, up to those of the element `last`, do not fit into a file of `bytes` bytes, or others
+    /// follow and it is `strict`.
+    pub fn check_rows(&self, last: usize, bytes: u64, strict: bool) -> Result<()> {
+        let payload_bytes = bytes.saturating_sub(self.payload_start);
+        self.check_size(last, payload_bytes)?;
+        match self.trailing_bytes(payload_bytes) {
+            0 => {}
+            extra if strict => {
+                return Err(bad("VGS-PLY-023", format!("{extra} bytes follow the last row")));
+            }
+            extra => tracing::warn!(extra, "bytes behind the last row of a PLY file were ignored"),
+        }
+        Ok(())
+    }
+
     /// Fails if any element up to and including `last`, the last one that is needed, cannot fit into
     /// `payload_bytes`. Nothing is allocated from a count before this check.
-    pub fn check_size(&self, last: usize, payload_bytes: u64) -> Result<()> {
+    fn check_size(&self, last: usize, payload_bytes: u64) -> Result<()> {
         let mut needed = 0u128;
         for element in &self.elements[..=last] {
             let row = match self.encoding {

@@ -120,7 +120,7 @@ pub(super) fn load(
     }
     let stated = comments::read(&header.comments)?;
     let plan = Plan::of(&header, &stated, options)?;
-    plan.check_size(&header, bytes, options.strict)?;
+    header.check_rows(plan.last, bytes, options.strict)?;
     let fixed = plan.vertex.properties.contains_key(&rest_property(3 * MAX_BASIS - 4));
     let Content { splats, mut beyond, labels, mut stored } = plan.read(&mut source, &header)?;
     let Plan { layout, grid, beside_has_label, .. } = plan;
@@ -233,20 +233,6 @@ impl<'a> Plan<'a> {
         let last = read.map(|(index, _)| index).fold(vertex_index, usize::max);
         let beside_has_label = beside.as_ref().is_some_and(|beside| beside.label.is_some());
         Ok(Plan { vertex_index, vertex, layout, beside, beside_has_label, grid, last })
-    }
-
-    /// Fails if the rows that are read do not fit into a file of `bytes` bytes, or others follow and it is `strict`.
-    fn check_size(&self, header: &Header, bytes: u64, strict: bool) -> Result<()> {
-        let payload_bytes = bytes.saturating_sub(header.payload_start);
-        header.check_size(self.last, payload_bytes)?;
-        match header.trailing_bytes(payload_bytes) {
-            0 => {}
-            extra if strict => {
-                return Err(bad("VGS-PLY-023", format!("{extra} bytes follow the last row")));
-            }
-            extra => tracing::warn!(extra, "bytes behind the last row of a PLY file were ignored"),
-        }
-        Ok(())
     }
 
     fn read(&self, source: &mut BufReader<impl Read + Seek>, header: &Header) -> Result<Content> {

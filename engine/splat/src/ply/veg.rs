@@ -64,7 +64,7 @@ pub(super) fn load(
     check_count(element, options.max_splats)?;
     let codebook = header.element(CODEBOOK);
     let last = codebook.map_or(at, |(index, _)| index.max(at));
-    header.check_size(last, bytes.saturating_sub(header.payload_start))?;
+    header.check_rows(last, bytes, options.strict)?;
     let stored = PROPERTIES.map(|(name, _)| Stored::of(element, name));
     let columns = columns_of(element, PROPERTIES.map(|(name, _)| name))?;
     let mut rows = zeros::<[f32; COUNT]>(element.count)?;
@@ -79,11 +79,8 @@ pub(super) fn load(
             }
             let of = PROPERTIES.map(|(name, of)| if of.is_empty() { name } else { of });
             let coded = |k: usize| stored[k] == Stored::Code;
-            let wanted: Vec<usize> = (0..COUNT).filter(|&k| coded(k)).collect();
-            let mut columns = Vec::new();
-            for &slot in &wanted {
-                columns.push(Column { property: position(other, of[slot])?, slot });
-            }
+            let column = |slot| Ok(Column { property: position(other, of[slot])?, slot });
+            let columns = (0..COUNT).filter(|&k| coded(k)).map(column).collect::<Result<Vec<_>>>()?;
             let kinds = of.map(|name| Stored::of(other, name));
             rows::read(source, header, other, &columns, |i, row: &[f32; COUNT]| {
                 if let Some(code) = codes.get_mut(i) {
@@ -246,11 +243,15 @@ mod tests {
             let at = whole.windows(from.len()).position(|part| part == from.as_bytes()).expect("there");
             [&whole[..at], to.as_bytes(), &whole[at + from.len()..]].concat()
         };
+        // A row less, and its five halves.
+        let mut few = text("codebook_centers 256", "codebook_centers 255");
+        few.truncate(few.len() - 10);
         for (name, bytes, code) in [
             ("no codebook", file("short", "uchar", None), "VGS-PLY-034"),
-            ("few codes", text("codebook_centers 256", "codebook_centers 255"), "VGS-PLY-034"),
+            ("few codes", few, "VGS-PLY-034"),
             ("no rotation", text("rot_3", "rot_9"), "VGS-PLY-034"),
             ("no scaling", text("scaling", "scalind"), "VGS-PLY-034"),
+            ("too long", [&whole[..], &[0]].concat(), "VGS-PLY-023"),
             ("cut off", whole[..whole.len() - 1].to_vec(), "VGS-PLY-006"),
             ("too many", text("gaussians 2", "gaussians 999999999999"), "VGS-PLY-014"),
         ] {

@@ -38,7 +38,7 @@ const MOST: f64 = 4.0;
 #[derive(Args)]
 #[command(after_help = "\
 Example:
-  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply --density 0.05
+  vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply
   studies hybrid ct.nii.gz --roi bones.nii.gz --fit bones.ply")]
 pub struct HybridArguments {
     /// The volume.
@@ -51,7 +51,7 @@ pub struct HybridArguments {
     fit: PathBuf,
     /// How far pictures move the targets of the first round, in the error of the fit (root of the mean square); 0: voxels
     /// alone, for as many iterations.
-    #[arg(long, value_delimiter = ',', default_value = "0,0.03,0.1,0.3,1")]
+    #[arg(long, value_delimiter = ',', default_value = "0,0.3,1,3")]
     weights: Vec<f64>,
     /// Transfer functions of the pictures.
     #[arg(long, value_delimiter = ',', default_value = "CT-Bone,CT-Bones-Steep,CT-Soft-Tissue")]
