@@ -43,8 +43,15 @@ pub fn run(start: Start) -> Result<WindowReport> {
     let report = WindowReport::new(start.since);
     let gpu = start.gpu.clone();
     let viewer = Viewer::new(start, loader, report);
-    let mut program =
-        Program { viewer, options: gpu, active: None, wake_at: None, lost: false, failure: None };
+    let mut program = Program {
+        viewer,
+        options: gpu,
+        active: None,
+        wake_at: None,
+        put_off: false,
+        lost: false,
+        failure: None,
+    };
     events.run_app(&mut program).map_err(|e| no_window(&e))?;
     match program.failure {
         Some(error) => Err(error),
@@ -66,6 +73,8 @@ struct Program {
     active: Option<ActiveWindow>,
     /// Time when egui wants another frame by itself, as for a tooltip.
     wake_at: Option<Instant>,
+    /// True if a frame is to be drawn as soon as nothing is in its way.
+    put_off: bool,
     /// True if the device or the surface was lost.
     lost: bool,
     failure: Option<Error>,
@@ -156,12 +165,20 @@ impl Program {
         }
     }
 
+    /// Draws a frame, or puts it off.
     fn draw(&mut self, event_loop: &ActiveEventLoop) {
         let Some(active) = &mut self.active else { return };
+        match self.viewer.puts_off(&active.canvas) {
+            Ok(puts_off) => self.put_off = puts_off,
+            Err(error) => return self.fail(event_loop, error),
+        }
+        if self.put_off {
+            return;
+        }
         let (begun, before) = (Instant::now(), active.canvas.gpu().hitches());
         match self.viewer.draw(active) {
             Ok(next) => {
-                self.viewer.report.busy(begun);
+                self.viewer.note_busy(begun);
                 if next.dragged {
                     self.viewer.report.dragged(before, active.canvas.gpu().hitches());
                 }
@@ -233,12 +250,15 @@ impl ApplicationHandler<Woken> for Program {
     }
 
     fn about_to_wait(&mut self, event_loop: &ActiveEventLoop) {
+        if self.put_off {
+            self.draw(event_loop);
+        }
         let mut wake_at = self.wake_at;
         if let Some(active) = &mut self.active {
             let (begun, goes_on) = (Instant::now(), active.canvas.is_rendering());
             let between = self.viewer.go_on(&mut active.canvas);
             if goes_on && begun.elapsed() > POLL {
-                self.viewer.report.busy(begun);
+                self.viewer.note_busy(begun);
             }
             match between {
                 Ok(Between::Nothing) => {}

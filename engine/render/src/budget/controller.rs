@@ -48,6 +48,11 @@ impl Controller {
         self.level
     }
 
+    /// Returns what the levels cost.
+    pub fn costs(&self) -> &LevelCosts {
+        &self.costs
+    }
+
     /// Returns the device time that a frame may take, ms.
     pub fn budget_ms(&self) -> f64 {
         self.budget_ms

@@ -40,7 +40,7 @@ impl LevelCosts {
     }
 
     /// Returns the cost of level `to` relative to that of level `from`.
-    fn ratio(&self, from: usize, to: usize) -> f64 {
+    pub fn ratio(&self, from: usize, to: usize) -> f64 {
         self.0[to] / self.0[from]
     }
 

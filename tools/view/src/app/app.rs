@@ -235,6 +235,11 @@ impl App {
         self.held
     }
 
+    /// Returns true if a button is held and no key.
+    pub fn drags(&self) -> bool {
+        self.held && !self.held_keys.any()
+    }
+
     /// Returns what has changed since the last call, whatever changed it.
     pub fn take_changes(&mut self) -> Changes {
         let (new, old) = (&self.state, &self.taken);

@@ -33,7 +33,9 @@ pub struct WindowReport {
 /// What frames in which something is dragged made of the device. The first of a drag may create what the others use.
 #[derive(Clone, Debug, Default, Serialize)]
 pub struct Drags {
-    /// Number of the frames.
+    /// Those of `busy_ms` while a button was held.
+    pub busy_ms: Vec<f64>,
+    /// Number of the frames that began a picture.
     pub frames: u64,
     /// Number of those that allocated memory.
     pub allocating: u64,
@@ -82,11 +84,11 @@ impl WindowReport {
         }
     }
 
-    /// Notes for how long the window's thread was busy since `begun`.
-    pub fn busy(&mut self, begun: Instant) {
-        if self.busy_ms.len() < KEPT {
-            self.busy_ms.push(begun.elapsed().as_secs_f64() * 1e3);
-        }
+    /// Notes for how long the window's thread was busy since `begun`, and whether a button was `held`.
+    pub fn busy(&mut self, begun: Instant, held: bool) {
+        let ms = begun.elapsed().as_secs_f64() * 1e3;
+        let lists = [Some(&mut self.busy_ms), Some(&mut self.drags.busy_ms).filter(|_| held)];
+        lists.into_iter().flatten().filter(|list| list.len() < KEPT).for_each(|list| list.push(ms));
     }
 
     /// Notes a frame of a drag, by what had happened on the device before it and after it.

@@ -44,9 +44,10 @@ pub struct Canvas {
 /// Device time that a part of a slow picture should take, ms: events and panels find their turn between the parts.
 const PART_MS: f64 = 12.0;
 /// Device time up to which a picture is rendered at once, ms.
-const AT_ONCE_MS: f64 = 25.0;
-/// Bands of the first part of a picture of which nothing is known.
-const FIRST_BANDS: u32 = 8;
+const AT_ONCE_MS: f64 = 16.0;
+/// Bands of the second part of a picture of which nothing is known. The first part has one, since it also has what the whole
+/// picture needs.
+const SECOND_BANDS: u32 = 8;
 /// Most that a part grows beyond the one before it.
 const GROWTH: f64 = 4.0;
 
@@ -61,6 +62,8 @@ struct Rendering {
     at: usize,
     /// Part that was submitted last.
     part: Part,
+    /// Bands of the second part of each scene.
+    second: u32,
     /// What was submitted and has not been seen finished; the last one is the last to finish.
     tickets: Vec<Ticket>,
     since: Instant,
@@ -239,7 +242,7 @@ impl Canvas {
 
     /// Begins a picture of some subjects, in place of one that is on its way. `expected` is the device time that it will
     /// take, ms, if that is known. A fast one is shown by the next [`Canvas::present`]: then this returns true. A slow one
-    /// is rendered part by part, and shown when [`Canvas::go_on`] has finished it.
+    /// is rendered part by part by [`Canvas::go_on`], and shown when it has finished.
     pub fn begin(
         &mut self,
         subjects: Vec<(Subject, RenderSetup)>,
@@ -247,11 +250,8 @@ impl Canvas {
         expected: Option<f64>,
     ) -> Result<bool> {
         self.give_up();
-        let part = match expected {
-            Some(ms) if ms <= AT_ONCE_MS => Part::WHOLE,
-            Some(ms) => Part::first((f64::from(Part::ALL) * PART_MS / ms) as u32),
-            None => Part::first(FIRST_BANDS),
-        };
+        let part = if expected.is_some_and(|ms| ms <= AT_ONCE_MS) { Part::WHOLE } else { Part::first(1) };
+        let second = expected.map_or(SECOND_BANDS, |ms| (f64::from(Part::ALL) * PART_MS / ms) as u32);
         let mut setups = subjects.clone();
         setups.retain(|(subject, _)| self.scene_of(*subject).is_some());
         // Times of what else the device did.
@@ -263,6 +263,7 @@ impl Canvas {
             camera,
             at: 0,
             part,
+            second,
             tickets: Vec::new(),
             since: Instant::now(),
             ms: 0.0,
@@ -270,8 +271,6 @@ impl Canvas {
         if at_once {
             self.shown.clone_from(&now.subjects);
             self.submit_all(&mut now)?;
-        } else {
-            self.submit(&mut now)?;
         }
         self.rendering = Some(now).filter(|now| !now.setups.is_empty());
         Ok(at_once)
@@ -298,11 +297,15 @@ impl Canvas {
     /// Goes on with the picture on its way: once the device has finished what was submitted, submits the next part.
     /// Returns the device time of the picture, ms, when all of it has finished. Does not wait.
     pub fn go_on(&mut self) -> Result<Option<f64>> {
-        let last = self.rendering.as_ref().and_then(|now| now.tickets.last().copied());
-        if !last.map_or(Ok(false), |ticket| self.gpu.has_finished(ticket))? {
+        if self.is_busy()? {
             return Ok(None);
         }
         let Some(mut now) = self.rendering.take() else { return Ok(None) };
+        if now.tickets.is_empty() {
+            self.submit(&mut now)?;
+            self.rendering = Some(now);
+            return Ok(None);
+        }
         let times = self.gpu.take_finished()?;
         let timed = times.iter().filter(|(ticket, _)| now.tickets.contains(ticket)).map(|(_, ms)| ms);
         // A device without a clock: by ours.
@@ -318,12 +321,13 @@ impl Canvas {
             return Ok(None);
         }
         let grown = (f64::from(now.part.bands()) * (PART_MS / ms).min(GROWTH)) as u32;
-        if let Some(part) = now.part.next(grown) {
+        let bands = if now.part.is_first() { now.second } else { grown };
+        if let Some(part) = now.part.next(bands) {
             now.part = part;
         } else if self.settle(&now.setups[now.at..=now.at])? {
-            now.part = Part::first(FIRST_BANDS);
+            now.part = Part::first(1);
         } else if now.at + 1 < now.setups.len() {
-            (now.at, now.part) = (now.at + 1, Part::first(FIRST_BANDS));
+            (now.at, now.part) = (now.at + 1, Part::first(1));
         } else {
             self.shown = now.subjects;
             return Ok(Some(now.ms));
@@ -346,6 +350,13 @@ impl Canvas {
     /// Creates what the next changes of a subject's transfer function may ask for.
     pub fn warm_up(&mut self, subject: Subject) -> Result<()> {
         self.scene_mut(subject).as_mut().map_or(Ok(()), RenderedScene::warm_up)
+    }
+
+    /// Returns true if the device has not finished what was submitted of the picture on its way. A frame that is presented now
+    /// would have to wait for it, and the thread with it where the display is the CPU's.
+    pub fn is_busy(&self) -> Result<bool> {
+        let last = self.rendering.as_ref().and_then(|now| now.tickets.last().copied());
+        last.map_or(Ok(false), |ticket| Ok(!self.gpu.has_finished(ticket)?))
     }
 
     /// Returns true if a picture is on its way.

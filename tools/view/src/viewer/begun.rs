@@ -1,5 +1,6 @@
 //! The picture on its way, and what is known of those before.
 
+use std::collections::BTreeMap;
 use std::time::{Duration, Instant};
 
 /// Time after the last movement until the picture is rendered in full.
@@ -22,6 +23,15 @@ pub(super) struct Begun {
 /// Time that pictures took last on the device, ms.
 #[derive(Default)]
 pub(super) struct PictureTimes {
-    pub(super) fast: Option<f64>,
+    /// Of what moved, by quality level.
+    pub(super) moving: BTreeMap<usize, f64>,
     pub(super) full: Option<f64>,
+}
+
+impl PictureTimes {
+    /// Returns the time that the next one of what moves should take on `level`, where `ratio` is that of its cost to
+    /// the first level's; `None` if nothing is known.
+    pub(super) fn expected(&self, level: usize, ratio: f64) -> Option<f64> {
+        self.moving.get(&level).copied().or(self.full.map(|ms| ms * ratio))
+    }
 }

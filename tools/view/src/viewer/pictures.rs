@@ -91,7 +91,7 @@ impl Viewer {
         }
         let expected = match (first, fast) {
             (true, _) => Some(0.0),
-            (_, true) => Some(self.times.fast.unwrap_or(0.0)),
+            (_, true) => self.times.expected(level, self.controller.costs().ratio(0, level)),
             (_, false) => self.times.full,
         };
         let shown = canvas.begin(setups, self.app.camera(), expected)?;
@@ -128,6 +128,13 @@ impl Viewer {
         }
     }
 
+    /// Returns true if a frame has to be put off: the thread would wait for the part of a picture that the device renders, or
+    /// the frame would delay a picture that is to be shown soon.
+    pub fn puts_off(&self, canvas: &Canvas) -> Result<bool> {
+        let soon = self.begun.as_ref().is_some_and(|begun| begun.fast && !begun.shown);
+        Ok(canvas.is_busy()? || soon && canvas.is_rendering())
+    }
+
     /// Goes on with the picture on its way, between two frames of the window.
     pub fn go_on(&mut self, canvas: &mut Canvas) -> Result<Between> {
         let Some(ms) = canvas.go_on()? else {
@@ -141,10 +148,11 @@ impl Viewer {
         let was_shown = self.begun.as_ref().is_some_and(|begun| begun.shown);
         self.show_begun();
         let Some(begun) = self.begun.take() else { return Ok(Between::Nothing) };
-        *(if begun.fast { &mut self.times.fast } else { &mut self.times.full }) = Some(ms);
         if let Some(level) = begun.level {
+            self.times.moving.insert(level, ms);
             self.controller.finished(level, ms);
         } else if !begun.fast {
+            self.times.full = Some(ms);
             // What moves next need not find out anew that the full quality would be too slow.
             self.controller.foresee(ms);
         }

@@ -250,6 +250,11 @@ impl Viewer {
         self.happened.get_or_insert_with(Instant::now);
     }
 
+    /// Notes for how long the window's thread was busy since `begun`.
+    pub fn note_busy(&mut self, begun: Instant) {
+        self.report.busy(begun, self.app.drags());
+    }
+
     /// Creates the scenes on a new device.
     pub fn set_device(&mut self, canvas: &mut Canvas) -> Result<()> {
         let chosen = canvas.gpu().description();
