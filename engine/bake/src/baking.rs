@@ -22,6 +22,9 @@ const GROWTHS: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
 /// Most splats for one of the beginning, where nothing else is said.
 const GROWTH: usize = 2;
 
+/// Number of parts of the steps, or of the time, after each of which the curve has a point.
+const PARTS: f64 = 5.0;
+
 /// What baking is at.
 #[derive(Clone, Debug, PartialEq)]
 pub enum Progress {
@@ -38,12 +41,41 @@ pub struct Report {
     pub before: Vec<f64>,
     /// Of the splats that were baked.
     pub after: Vec<f64>,
+    /// From the beginning to the end.
+    pub curve: Vec<CurvePoint>,
     /// Steps of the optimiser.
     pub steps: u32,
     /// Time until the wanted pictures were there, s.
     pub rendering_s: f64,
     /// Time that the steps took, s.
     pub training_s: f64,
+}
+
+/// How near the pictures come after some steps.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct CurvePoint {
+    /// Steps that are done.
+    pub step: u32,
+    /// Time that they took, s.
+    pub seconds: f64,
+    /// Number of splats.
+    pub splats: usize,
+    /// Mean PSNR of the views that are not trained, dB.
+    pub psnr_db: f64,
+    /// The least of them, dB.
+    pub worst_psnr_db: f64,
+}
+
+impl CurvePoint {
+    fn new(training: &Training<'_>, begun: Instant, views: &[f64]) -> Self {
+        CurvePoint {
+            step: training.steps(),
+            seconds: begun.elapsed().as_secs_f64(),
+            splats: training.rows().len(),
+            psnr_db: views.iter().sum::<f64>() / views.len() as f64,
+            worst_psnr_db: views.iter().copied().fold(f64::INFINITY, f64::min),
+        }
+    }
 }
 
 /// Splats that were baked.
@@ -135,6 +167,7 @@ pub fn train(
     let mut training = Training::new(gpu, &first, degree, views, options)?;
     let mut report = Report { before: training.psnr(held_out)?, ..Report::default() };
     let begun = Instant::now();
+    report.curve.push(CurvePoint::new(&training, begun, &report.before));
     let count = first.splats.len();
     let most = options.max_splats.unwrap_or(GROWTH * count).max(count);
     let mut grown = 0;
@@ -145,6 +178,10 @@ pub fn train(
         let told = going(training.steps(), done.min(1.0));
         if training.steps() >= options.iterations || time >= 1.0 || time.is_nan() || told.is_break() {
             break;
+        }
+        if PARTS * done >= report.curve.len() as f64 {
+            let views = training.psnr(held_out)?;
+            report.curve.push(CurvePoint::new(&training, begun, &views));
         }
         // Splats come in equal factors, while the rates are high.
         let due = GROWTHS.iter().filter(|&&at| at <= done).count();
@@ -163,6 +200,9 @@ pub fn train(
     report.training_s = begun.elapsed().as_secs_f64();
     report.steps = training.steps();
     report.after = training.psnr(held_out)?;
+    if report.steps > 0 {
+        report.curve.push(CurvePoint::new(&training, begun, &report.after));
+    }
     let (splats, colours) = training.splats(first.origin_mm)?;
     let rows = training.rows().to_vec();
     let mut set = first.of_rows(&rows);

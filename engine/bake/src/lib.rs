@@ -22,6 +22,6 @@ mod splitting;
 mod training;
 mod views;
 
-pub use baking::{Baked, Progress, Report, Trained, bake, pictures, train};
+pub use baking::{Baked, CurvePoint, Progress, Report, Trained, bake, pictures, train};
 pub use options::{MeanRate, Options, Rates};
 pub use views::Views;

@@ -26,6 +26,17 @@ fn pictures_come_nearer_and_the_same_seed_gives_the_same_file() {
     assert_eq!(told["splats"], set.splats.len());
     assert!(set.colours.is_some() && !set.unit.is_physical());
 
+    let table = folder.text("a.spz.csv");
+    let rows: Vec<Vec<f64>> = table
+        .lines()
+        .skip(1)
+        .map(|row| row.split(',').map(|v| v.parse().expect("a number")).collect())
+        .collect();
+    let (first, last) = (&rows[0], &rows[rows.len() - 1]);
+    assert_eq!((first[0], last[0], last[2] as usize), (0.0, 40.0, set.splats.len()), "{table}");
+    assert!(rows.len() == 6 && (first[3] - before).abs() + (last[3] - after).abs() < 1e-9, "{table}");
+    assert!(folder.text("a.spz.svg").contains("PSNR of the views"));
+
     let ended = folder.run(&bake("b.spz", &SMALL));
     assert_eq!(ended.code, 0, "{}", ended.err);
     assert!(ended.err.contains("dB on 8 views that were not fitted"), "{}", ended.err);

@@ -6,10 +6,12 @@ use std::time::Duration;
 
 use clap::Args;
 use engine::bake::{Baked, Options, Progress, bake};
+use engine::output::write_atomic;
 use engine::render::{Look, ObjectChange};
 use engine::splat::{self, PlyLayout, ReadOptions, SplatSet, WriteOptions};
 use engine::{Error, Kind};
 
+use crate::report::curve;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::{bytes, seconds};
@@ -27,7 +29,8 @@ pub struct BakeArguments {
     /// The splats, with HU
     #[arg(value_name = "SPLATS")]
     splats: PathBuf,
-    /// The file: .ply, .spz, which is small, .sog (for PlayCanvas), or .glb (glTF with KHR_gaussian_splatting)
+    /// The file: .ply, .spz, which is small, .sog (for PlayCanvas), or .glb (glTF with KHR_gaussian_splatting). The curve is
+    /// beside it, .csv and .svg
     #[arg(short, long, value_name = "OUT", help_heading = "Output")]
     output: PathBuf,
     /// Replaces an output that exists
@@ -96,7 +99,9 @@ the splats that it is made of.";
 /// Runs the command.
 pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
     let (splats, output) = (&arguments.splats, &arguments.output);
-    outputs::check(&[output], &[splats], arguments.force)?;
+    let curves = [".csv", ".svg"].map(|ending| outputs::beside(output, ending));
+    let [table, plot] = &curves;
+    outputs::check(&[output, table, plot], &[splats], arguments.force)?;
     let set = splat::read(splats, &ReadOptions::default())?;
     splat::check_held(output, &SplatSet::default())?;
     if arguments.live {
@@ -163,6 +168,15 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
         ..WriteOptions::default()
     };
     splat::write_as(output, &baked.set, &write)?;
+    let curve = &baked.report.curve;
+    if baked.report.steps > 0 {
+        let name = splats.file_name().unwrap_or_default().to_string_lossy();
+        let title = format!("{name} by {}", look.transfer.name);
+        let texts = [curve::csv_of_baking(curve), curve::svg_of_baking(curve, &title)?];
+        for (path, text) in curves.iter().zip(&texts) {
+            write_atomic(path, arguments.force, |out| out.write_all(text.as_bytes()))?;
+        }
+    }
     arguments.tell(console, &look, &baked)?;
     Ok(signals.exit_code().unwrap_or(0))
 }

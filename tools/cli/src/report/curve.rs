@@ -1,7 +1,8 @@
-//! Writes the curve of a fit as a table (CSV) and a plot (SVG).
+//! Writes the curves of a fit and of baking as tables (CSV) and plots (SVG).
 
 use std::fmt::Write;
 
+use engine::bake;
 use engine::fit::CurvePoint;
 use engine::{Error, Kind, Result};
 use plotters::prelude::*;
@@ -63,8 +64,47 @@ pub fn svg(curve: &[CurvePoint], title: &str, [low, high]: [f32; 2], unit: &str)
             from_zero: true,
         },
     ];
+    plot(&panels, title)
+}
+
+/// Returns the curve of baking as CSV.
+pub fn csv_of_baking(curve: &[bake::CurvePoint]) -> String {
+    let mut out = String::from("iteration,seconds,splats,psnr_db,worst_psnr_db\n");
+    for bake::CurvePoint { step, seconds, splats, psnr_db, worst_psnr_db } in curve {
+        // Writing to a string cannot fail.
+        let _ = writeln!(out, "{step},{seconds:.3},{splats},{psnr_db},{worst_psnr_db}");
+    }
+    out
+}
+
+/// Returns the curve of baking as SVG: PSNR of the views above the number of splats, over iterations.
+pub fn svg_of_baking(curve: &[bake::CurvePoint], title: &str) -> Result<String> {
+    let points = |value: fn(&bake::CurvePoint) -> f64| -> Vec<(f64, f64)> {
+        let all = curve.iter().map(|p| (f64::from(p.step), value(p)));
+        all.filter(|(_, y)| y.is_finite()).collect()
+    };
+    let panels = [
+        Panel {
+            title: "PSNR of the views that are not fitted, mean".into(),
+            y_title: "PSNR / dB",
+            colour: RGBColor(0, 104, 170),
+            points: points(|p| p.psnr_db),
+            from_zero: false,
+        },
+        Panel {
+            title: "number of splats".into(),
+            y_title: "splats",
+            colour: RGBColor(200, 80, 20),
+            points: points(|p| p.splats as f64),
+            from_zero: true,
+        },
+    ];
+    plot(&panels, title)
+}
+
+fn plot(panels: &[Panel], title: &str) -> Result<String> {
     let mut text = String::new();
-    draw(&mut text, &panels, title)
+    draw(&mut text, panels, title)
         .map_err(|e| Error::new(Kind::Internal, "VGS-CLI-034", format!("drawing the curve failed: {e}")))?;
     Ok(text)
 }
@@ -113,7 +153,11 @@ where
         .x_labels(9)
         .y_labels(6)
         .x_label_formatter(&|x| format!("{x:.0}"))
-        .y_label_formatter(&|y| if high < 10.0 { format!("{y:.2}") } else { format!("{y:.1}") })
+        .y_label_formatter(&|y| match high {
+            ..10.0 => format!("{y:.2}"),
+            ..1000.0 => format!("{y:.1}"),
+            _ => format!("{y:.0}"),
+        })
         .axis_desc_style(font(14))
         .label_style(font(13))
         .axis_style(INK)
