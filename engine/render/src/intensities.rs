@@ -69,6 +69,11 @@ impl Intensities {
         Intensities((0..kept).map(|k| all[k * (all.len() - 1) / (kept - 1).max(1)]).collect())
     }
 
+    /// Returns those of several objects as of one.
+    pub(super) fn of_all(objects: &[&Self]) -> Self {
+        Self::of(objects.iter().flat_map(|object| &object.0).copied().collect())
+    }
+
     /// Returns those of all splats of a set; none without intensities.
     pub fn of_set(set: &SplatSet) -> Self {
         if !set.unit.is_physical() {

@@ -5,6 +5,8 @@
 //! shows the bones alone. Here an object's own label says what it is, so its function need not tell tissues apart: it
 //! shows all of a bone, marrow included, and lets light through lungs, fat and skin, which would hide the rest.
 
+use std::collections::{BTreeMap, BTreeSet};
+
 use super::intensities::Intensities;
 use super::look::{Appearance, Look};
 use base::unit::Unit;
@@ -69,12 +71,12 @@ pub struct UsualLook {
 }
 
 impl UsualLook {
-    /// Returns the look of a set of at least two objects; `None` for a set of fewer, or of splats with colours of their
-    /// own, which are shown through a preset. Splats without a label are no object here.
+    /// Returns the look of a set of objects of at least two names; `None` for a set of fewer, or of splats with colours of
+    /// their own, which are shown through a preset. Splats without a label are no object here.
     pub fn of(set: &SplatSet) -> Option<Self> {
         let objects = set.objects();
-        let named = objects.iter().filter(|object| object.number > 0).count();
-        if named < 2 || set.colours.is_some() || !set.unit.is_physical() {
+        let named = objects.iter().filter(|object| object.number > 0).map(|object| &object.name);
+        if named.collect::<BTreeSet<_>>().len() < 2 || set.colours.is_some() || !set.unit.is_physical() {
             return None;
         }
         let names = objects.iter().map(|object| object.name.as_str());
@@ -82,7 +84,7 @@ impl UsualLook {
     }
 
     /// Returns the look of objects of these names and intensities, which are numbers of `unit`. Objects whose
-    /// intensities are not among them have none.
+    /// intensities are not among them have none. Those of one name look alike.
     pub fn of_objects<'a>(
         names: impl Iterator<Item = &'a str> + Clone,
         intensities: &[Intensities],
@@ -91,15 +93,24 @@ impl UsualLook {
         let colours = colours(intensities, unit);
         let none = Intensities::default();
         let own = intensities.iter().chain(std::iter::repeat(&none));
-        let objects: Vec<_> = names
-            .clone()
-            .zip(usual_colours(names))
-            .zip(own)
-            .map(|((name, tint), own)| {
+        let mut of_name: BTreeMap<&str, Vec<&Intensities>> = BTreeMap::new();
+        names.clone().zip(own).for_each(|(name, own)| of_name.entry(name).or_default().push(own));
+        let functions: BTreeMap<_, _> = of_name
+            .into_iter()
+            .map(|(name, own)| {
                 let kind = kind_of_structure(name);
-                ObjectLook { kind, tint, function: function_of(kind, own, unit, &colours) }
+                let function = match own[..] {
+                    [own] => function_of(kind, own, unit, &colours),
+                    _ => function_of(kind, &Intensities::of_all(&own), unit, &colours),
+                };
+                (name, (kind, function))
             })
             .collect();
+        let look = |(name, tint)| {
+            let (kind, function) = functions[name].clone();
+            ObjectLook { kind, tint, function }
+        };
+        let objects: Vec<_> = names.clone().zip(usual_colours(names)).map(look).collect();
         let transfer = of_all(objects.iter().map(|object| &object.function), colours);
         UsualLook { transfer, objects }
     }
@@ -271,6 +282,21 @@ mod tests {
         rest.labels.as_mut().expect("labels").push(0);
         assert_eq!(UsualLook::of(&rest), None, "what has no label is no object");
         assert_eq!(UsualLook::of(&SplatSet::default()), None);
+    }
+
+    #[test]
+    fn objects_of_one_name_look_alike() {
+        let blocks = [("femur", &[100.0, 300.0][..]), ("femur", &[600.0, 900.0])];
+        assert_eq!(UsualLook::of(&set(&blocks, Unit::Hu)), None, "one structure in two parts");
+        for unit in [Unit::Hu, Unit::Arbitrary] {
+            let with_liver = set(&[blocks[0], TORSO[0], blocks[1]], unit);
+            let usual = UsualLook::of(&with_liver).expect("two structures");
+            assert_eq!(usual.objects[0], usual.objects[2]);
+            assert_ne!(usual.objects[0].tint, usual.objects[1].tint);
+            for own in Intensities::of_objects(&with_liver) {
+                assert!(own.are_seen(&usual.transfer), "{unit:?}");
+            }
+        }
     }
 
     #[test]

@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
-use super::{Place, SplatSet, Unplaced, glb, join, ply, sog, spz, vgs};
+use super::{Place, SplatSet, Unplaced, glb, join, parts, ply, sog, spz, vgs};
 use base::error::{Error, Kind, Result};
 use base::input::Input;
 
@@ -123,7 +123,7 @@ pub fn read_some(input: impl Into<Input>) -> Result<Unplaced> {
     Ok(splats)
 }
 
-/// Reads one or several files as one set, whose objects are named after the files. Calls `place` at most
+/// Reads one or several files as one set, whose objects are named after the files, of blocks after their folder. Calls `place` at most
 /// once, for the volume of splats that only a volume can place.
 pub fn read_all(
     inputs: impl IntoIterator<Item: Into<Input>>,
@@ -139,10 +139,10 @@ pub fn read_all(
         {
             found = place()?;
         }
-        let name = splats.path.file_stem().unwrap_or_default().to_string_lossy().into_owned();
-        sets.push((name, splats.placed(found.as_ref())?));
+        let path = splats.path.clone();
+        sets.push((path, splats.placed(found.as_ref())?));
     }
-    join(sets)
+    join(parts(sets)?.into_iter().map(|part| (part.name, part.set)).collect())
 }
 
 /// Reads a splat file and describes what it holds; the content of the file decides on the format, not its

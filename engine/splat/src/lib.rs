@@ -8,7 +8,7 @@
 //! | `set`, `field` | a set in the world, and the field that its splats add up to |
 //! | `activation`, `kernel` | what the raw parameters stand for, and how a splat fades with distance |
 //! | `space` | from voxels to the world and back |
-//! | `objects`, `labels` | several sets as one ([`join`]), the structures that splats belong to |
+//! | `objects`, `labels`, `blocks` | several sets as one ([`join`]), the structures that splats belong to, blocks of one region |
 //! | `structures` | what structures are, and in which colours they are usually drawn |
 //! | `importance` | an order in which the first n splats represent the set as well as n splats can |
 //! | `grid`, `region` | the grid that a set was fitted on, what it is right for, and its voxels that are shown |
@@ -24,6 +24,7 @@
 #![forbid(unsafe_code)]
 
 pub mod activation;
+mod blocks;
 mod defect;
 mod far;
 mod field;
@@ -53,6 +54,7 @@ pub mod vgs;
 pub mod voxels;
 
 pub use activation::Activations;
+pub use blocks::{Part, block_name, parts};
 pub use defect::defect;
 pub use far::far_splats;
 pub use field::Field;

@@ -7,11 +7,12 @@
 //! at their borders.
 
 use std::borrow::Cow;
+use std::collections::BTreeMap;
 
 use glam::DVec3;
 
 use super::harmonics::basis_count;
-use super::{Field, Form, Harmonics, Region, RegionObject, SplatSet, Voxels, label_name};
+use super::{Field, Form, Harmonics, Region, RegionObject, Splat, SplatSet, Voxels, label_name};
 use base::error::{Error, Kind, Result};
 use base::names;
 
@@ -132,16 +133,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         .filter(|(fit, _)| is_there(*fit))
         .filter_map(|(fit, (_, set))| Some(Voxels { fit: fit as u8, ..set.voxels.first()?.clone() }));
     let voxels = voxels.collect();
-    let mut splats = Vec::with_capacity(labels.len());
-    for (_, set) in sets {
-        let apart = set.origin_mm - origin_mm;
-        splats.extend(set.splats.into_iter().map(|mut splat| {
-            if apart != DVec3::ZERO {
-                splat.mean = (DVec3::from_array(splat.mean.map(f64::from)) + apart).as_vec3().to_array();
-            }
-            splat
-        }));
-    }
+    let splats = sets.into_iter().flat_map(|(_, set)| moved(set, origin_mm)).collect();
     Ok(SplatSet {
         splats,
         origin_mm,
@@ -157,6 +149,53 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         region,
         voxels,
         rounding: None,
+    })
+}
+
+/// Returns the splats of a set in the space of another origin, mm RAS.
+fn moved(set: SplatSet, origin_mm: DVec3) -> impl Iterator<Item = Splat> {
+    let apart = set.origin_mm - origin_mm;
+    set.splats.into_iter().map(move |mut splat| {
+        if apart != DVec3::ZERO {
+            splat.mean = (DVec3::from_array(splat.mean.map(f64::from)) + apart).as_vec3().to_array();
+        }
+        splat
+    })
+}
+
+/// Returns blocks of one grid and one field that lie apart as one set, with the labels that they have.
+pub(crate) fn merged(sets: Vec<SplatSet>) -> Result<SplatSet> {
+    if sets.len() == 1 {
+        return Ok(sets.into_iter().next().unwrap_or_default());
+    }
+    let sets: Vec<_> = sets.into_iter().map(|set| (String::new(), set)).collect();
+    let first = &sets[0].1;
+    let (form, unit, grid, volume_crc32) = (first.form, first.unit, first.grid, first.volume_crc32);
+    let iterations = first.iterations.filter(|_| sets.iter().all(|(_, s)| s.iterations == first.iterations));
+    let field = Field { background: mean_background(&sets), ..first.field };
+    let regions: Vec<Region> = sets.iter().filter_map(|(_, set)| set.region.clone()).collect();
+    let region = Region::joined(&regions)
+        .ok_or_else(|| Error::new(Kind::Internal, "VGS-SPLAT-012", "objects without numbers"))?;
+    let all: Vec<&Vec<u8>> = sets.iter().filter_map(|(_, set)| set.labels.as_ref()).collect();
+    let labels = (!all.is_empty()).then(|| all.into_iter().flatten().copied().collect());
+    let names = sets.iter().flat_map(|(_, set)| set.label_names.iter().cloned());
+    let label_names = names.collect::<BTreeMap<_, _>>().into_iter().collect();
+    let origin_mm = common_origin(&sets);
+    let splats = sets.into_iter().flat_map(|(_, set)| moved(set, origin_mm)).collect();
+    let region = Some(region);
+    Ok(SplatSet {
+        splats,
+        origin_mm,
+        field,
+        unit,
+        labels,
+        label_names,
+        iterations,
+        grid,
+        volume_crc32,
+        form,
+        region,
+        ..SplatSet::default()
     })
 }
 
@@ -314,8 +353,8 @@ mod tests {
 
     use super::*;
     use crate::Grid;
+    use crate::Kernel;
     use crate::region::tests::region_of;
-    use crate::{Kernel, Splat};
     use base::unit::Unit;
 
     fn at(origin: DVec3, means: &[[f32; 3]]) -> SplatSet {

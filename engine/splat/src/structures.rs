@@ -5,6 +5,8 @@
 //! know. Structures without a known word get colours in turn, which people of all kinds of colour vision can
 //! tell apart (Okabe and Ito 2008).
 
+use std::collections::HashMap;
+
 use StructureKind::{Airway, Bone, Fat, Implant, Lesion, Lung, Muscle, Nerve, Organ, Other, Skin, Vessel};
 
 /// Kind of a structure, which says what shows it well (`UsualLook` of crate `render`).
@@ -190,10 +192,11 @@ pub fn kind_of_structure(name: &str) -> StructureKind {
 }
 
 /// Returns the colours, from 0 to 1, of the structures of these names, in their order. Structures of one row differ
-/// in brightness; those without a row take the next colour of a few.
+/// in brightness; those without a row take the next colour of a few. Those of one name have one colour.
 pub fn usual_colours<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<[f32; 3]> {
     let (mut taken, mut unknown) = ([0; STRUCTURES.len()], 0);
-    let colour = |name| {
+    let mut known = HashMap::new();
+    let mut colour = |name| {
         let (colour, turn) = match row_of(name) {
             Some(row) => {
                 taken[row] += 1;
@@ -206,7 +209,7 @@ pub fn usual_colours<'a>(names: impl IntoIterator<Item = &'a str>) -> Vec<[f32; 
         };
         colour.map(|byte| f32::from(byte) / 255.0 * SHADES[turn % SHADES.len()])
     };
-    names.into_iter().map(colour).collect()
+    names.into_iter().map(|name| *known.entry(name).or_insert_with(|| colour(name))).collect()
 }
 
 #[cfg(test)]

@@ -155,8 +155,8 @@ impl Region {
         Some(Region { kinds, objects: objects.into_keys().collect(), ..*self })
     }
 
-    /// Returns the voxels of all `regions`, whose objects and fits are different ones; a voxel of several belongs to
-    /// the object of fewest voxels, as a part lies in a whole. `None` if there are more than 255 objects.
+    /// Returns the voxels of all `regions`; a voxel of several belongs to the object of fewest voxels, as a part lies in a
+    /// whole. `None` if there are more than 255 objects.
     pub fn joined(regions: &[Region]) -> Option<Region> {
         let there = || regions.iter().filter(|region| !region.kinds.is_empty()).map(Region::bounds);
         let first = [0, 1, 2].map(|k| there().map(|[low, _]| low[k]).min().unwrap_or(0));
@@ -165,9 +165,19 @@ impl Region {
         for (_, object) in regions.iter().flat_map(Region::voxels) {
             *counts.entry(object).or_default() += 1;
         }
+        let mut objects: Vec<RegionObject> = counts.keys().copied().collect();
+        objects.sort_by_key(|object| (counts[object], *object));
+        let places =
+            (0u16..).zip(&objects).map(|(place, object)| (*object, place)).collect::<BTreeMap<_, _>>();
+        (places.len() < usize::from(u16::MAX)).then_some(())?;
+        let size = [0, 1, 2].map(|k| end[k] - first[k]);
+        let mut least = vec![u16::MAX; size.map(|n| n as usize).iter().product()];
+        for (voxel, object) in regions.iter().flat_map(Region::voxels) {
+            let at = &mut least[place(voxel, first, size)];
+            *at = (*at).min(places[&object]);
+        }
         Region::in_box([first, end], |voxel| {
-            let all = regions.iter().filter_map(|region| region.at(voxel.map(i64::from)));
-            all.min_by_key(|object| (counts.get(object), *object))
+            objects.get(usize::from(least[place(voxel, first, size)])).copied()
         })
     }
 

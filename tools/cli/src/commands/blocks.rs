@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use clap::{ArgGroup, Args};
 use engine::output::write_atomic;
 use engine::volume::{Grid, LabelChoice, Roi, Volume, VoxelSource};
-use engine::{Error, Kind, Result};
+use engine::{Error, Kind, Result, splat};
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
@@ -190,7 +190,7 @@ impl BlocksArguments {
         out.write_record(["name", "voxels"].into_iter().chain(names)).map_err(failed)?;
         for Block { ends, .. } in blocks {
             let [x, y, z] = ends;
-            let name = format!("x{:05}-y{:05}-z{:05}", x[0], y[0], z[0]);
+            let name = splat::block_name(ends.map(|[first, _]| first));
             let voxels = format!("{}:{},{}:{},{}:{}", x[0], x[1], y[0], y[1], z[0], z[1]);
             let values = common.iter().map(|(_, value)| value.as_str());
             out.write_record([name.as_str(), &voxels].into_iter().chain(values)).map_err(failed)?;

@@ -5,7 +5,7 @@ use std::path::{Path, PathBuf};
 use engine::Result;
 use engine::gpu::Gpu;
 use engine::render::Intensities;
-use engine::splat::{self, SplatSet, WriteOptions, far_splats};
+use engine::splat::{self, Part, SplatSet, WriteOptions, far_splats};
 
 use crate::io::saving;
 use crate::model::deletions::{Deletion, Target};
@@ -31,12 +31,12 @@ impl LoadedSplats {
     pub fn join(files: Vec<(PathBuf, SplatSet)>) -> Result<Self> {
         let mut rows = Vec::new();
         let mut named = Vec::new();
-        for (file, (path, set)) in files.into_iter().enumerate() {
+        for Part { file, name, set } in splat::parts(files)? {
             let has_labels = set.labels.is_some();
             let own =
                 set.objects().into_iter().map(|o| Object::new(file, has_labels.then_some(o.number), ""));
             rows.extend(own);
-            named.push((path.file_stem().unwrap_or_default().to_string_lossy().into_owned(), set));
+            named.push((name, set));
         }
         let mut set = splat::join(named)?;
         // The first splats stand for all while the picture moves.
