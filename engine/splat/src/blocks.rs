@@ -36,6 +36,15 @@ fn is_block(path: &Path) -> bool {
     <[usize; 3]>::try_from(first).is_ok_and(|first| block_name(first) == stem)
 }
 
+/// Returns the name of a file without its ending, of a block with that of its folder: all that [`parts`] asks of a path.
+pub fn stem(path: &Path) -> String {
+    let text = |name: Option<&std::ffi::OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
+    match path.parent().and_then(Path::file_name) {
+        Some(folder) if is_block(path) => format!("{}/{}", text(Some(folder)), text(path.file_stem())),
+        _ => text(path.file_stem()),
+    }
+}
+
 /// Returns the splats of files as parts of a scene, in the order of their first files: of blocks in one folder, those that lie
 /// apart as one, all others each by itself.
 ///

@@ -54,7 +54,7 @@ pub mod vgs;
 pub mod voxels;
 
 pub use activation::Activations;
-pub use blocks::{Part, block_name, parts};
+pub use blocks::{Part, block_name, parts, stem};
 pub use defect::defect;
 pub use far::far_splats;
 pub use field::Field;

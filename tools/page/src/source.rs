@@ -9,7 +9,7 @@ use engine::{Error, Result, input, memory};
 /// Splats of a file.
 #[derive(Clone, Debug)]
 pub struct Source {
-    /// Name of the file without its ending; tells splats apart that have no labels.
+    /// Name of the file without its ending, as of [`splat::stem`]; tells splats apart that have no labels.
     pub stem: String,
     /// The splats.
     pub set: SplatSet,
@@ -28,7 +28,7 @@ impl Source {
     /// # Errors
     /// Returns the errors of [`splat::read_some`], also for splats that only a volume can place.
     pub fn read(path: &Path) -> Result<Self> {
-        let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+        let stem = splat::stem(path);
         match whole_file(path)? {
             Some((set, bytes)) => Ok(Source { file: Some(bytes), ..Source::of(stem, set) }),
             None => Ok(Source::of(stem, splat::read_some(path)?.placed(None)?)),

@@ -1,6 +1,8 @@
 //! The splats that a page is made of: as one set, for its look, and apart as the files that they are from.
 
-use engine::splat::{self, SplatSet};
+use std::path::PathBuf;
+
+use engine::splat::{self, Part, SplatSet};
 use engine::{Error, Kind, Result};
 use glam::DVec3;
 
@@ -26,6 +28,17 @@ pub struct Splats {
     pub(crate) names: Vec<(u8, String)>,
 }
 
+/// Returns the sources of a scene's parts: of blocks, those that lie apart as one.
+fn together(sources: Vec<Source>) -> Result<Vec<Source>> {
+    let files = sources.iter().map(|source| (PathBuf::from(&source.stem), source.set.clone()));
+    let source = |part: Part| match &sources[part.file] {
+        alone if !alone.stem.contains('/') => alone.clone(),
+        alone if alone.set == part.set => Source { stem: part.name, ..alone.clone() },
+        _ => Source::of(part.name, part.set),
+    };
+    Ok(splat::parts(files.collect())?.into_iter().map(source).collect())
+}
+
 impl Splats {
     /// Joins the splats of files.
     ///
@@ -39,6 +52,7 @@ impl Splats {
                 source.stem
             )));
         }
+        let sources = together(sources)?;
         let names = names::of_objects(&sources);
         let set = match &sources[..] {
             [source] => source.set.clone(),
@@ -85,4 +99,33 @@ fn part(set: &SplatSet, number: &dyn Fn(u8) -> u8, keep: &dyn Fn(u8, DVec3) -> b
 
 fn is_coloured(set: &SplatSet) -> bool {
     set.colours.is_some() || !set.unit.is_physical()
+}
+
+#[cfg(test)]
+mod tests {
+    use engine::splat::{Form, Grid, Region, Splat, block_name};
+
+    use super::*;
+
+    #[test]
+    fn blocks_that_lie_apart_are_one_object_of_a_page() {
+        let source = |first: u32| {
+            let set = SplatSet {
+                splats: vec![Splat { mean: [first as f32, 0.0, 0.0], ..Splat::default() }],
+                grid: Some(Grid { size: [64, 1, 1], world_from_voxel: Default::default() }),
+                form: Form::Grid,
+                region: Region::of([64, 1, 1], |i| (i as u32 / 8 == first / 8).then_some(0)),
+                ..SplatSet::default()
+            };
+            Source::of(format!("bone/{}", block_name([first as usize, 0, 0])), set)
+        };
+        let splats = Splats::join([0, 8, 40, 48].map(source).to_vec()).expect("splats");
+        assert_eq!(splats.names, [(1, "bone".to_owned()), (2, "bone (2)".to_owned())]);
+        assert_eq!(
+            splats.pieces.iter().map(|piece| piece.source.set.splats.len()).collect::<Vec<_>>(),
+            [2, 2]
+        );
+        let splats = Splats::join([0, 40].map(source).to_vec()).expect("splats");
+        assert_eq!((splats.names.len(), splats.set.splats.len()), (1, 2));
+    }
 }
