@@ -99,11 +99,7 @@ impl UsualLook {
             .into_iter()
             .map(|(name, own)| {
                 let kind = kind_of_structure(name);
-                let function = match own[..] {
-                    [own] => function_of(kind, own, unit, &colours),
-                    _ => function_of(kind, &Intensities::of_all(&own), unit, &colours),
-                };
-                (name, (kind, function))
+                (name, (kind, function_of(kind, &Intensities::of_all(&own), unit, &colours)))
             })
             .collect();
         let look = |(name, tint)| {

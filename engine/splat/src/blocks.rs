@@ -1,7 +1,7 @@
 //! Blocks of one region that were fitted separately (`vgs blocks`). Each counts in its own part of the region alone, so those
 //! that no splat of the others reaches are as good as one fit: a scene of many blocks has few parts.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::{DMat3, DVec3};
 
@@ -29,55 +29,62 @@ pub fn block_name([x, y, z]: [usize; 3]) -> String {
     format!("x{x:05}-y{y:05}-z{z:05}")
 }
 
-/// Returns true if a file has such a name.
-fn is_block(path: &Path) -> bool {
-    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
+/// Returns the folder of a block, by its name as of [`stem`]; `None` if it is the name of no block.
+fn folder_of(name: &str) -> Option<&str> {
+    let (folder, stem) = name.rsplit_once('/').unwrap_or(("blocks", name));
     let first: Vec<usize> = stem.split('-').filter_map(|part| part.get(1..)?.parse().ok()).collect();
-    <[usize; 3]>::try_from(first).is_ok_and(|first| block_name(first) == stem)
+    <[usize; 3]>::try_from(first).is_ok_and(|first| block_name(first) == stem).then_some(folder)
 }
 
-/// Returns the name of a file without its ending, of a block with that of its folder: all that [`parts`] asks of a path.
+/// Returns the name of a file without its ending, of a block after that of its folder, as [`parts`] takes it.
 pub fn stem(path: &Path) -> String {
-    let text = |name: Option<&std::ffi::OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
+    let stem = path.file_stem().unwrap_or_default().to_string_lossy();
     match path.parent().and_then(Path::file_name) {
-        Some(folder) if is_block(path) => format!("{}/{}", text(Some(folder)), text(path.file_stem())),
-        _ => text(path.file_stem()),
+        Some(folder) if folder_of(&stem).is_some() => format!("{}/{stem}", folder.to_string_lossy()),
+        _ => stem.into_owned(),
     }
 }
 
-/// Returns the splats of files as parts of a scene, in the order of their first files: of blocks in one folder, those that lie
-/// apart as one, all others each by itself.
+/// Blocks that become one part.
+struct Apart {
+    /// Place of the first one among the files.
+    file: usize,
+    folder: String,
+    blocks: Vec<(Reach, SplatSet)>,
+}
+
+impl Apart {
+    fn takes(&self, folder: &str, reach: &Reach, set: &SplatSet) -> bool {
+        let lies_apart =
+            |(other, block): &(Reach, SplatSet)| other.is_apart(reach) && go_together(block, set);
+        self.folder == folder && self.blocks.iter().all(lies_apart)
+    }
+}
+
+/// Returns the splats of files, each with its name as of [`stem`], as parts of a scene, in the order of their first files: of
+/// blocks in one folder, those that lie apart as one, all others each by itself.
 ///
 /// # Errors
 /// [`base::error::Kind::Internal`] only.
-pub fn parts(files: Vec<(PathBuf, SplatSet)>) -> Result<Vec<Part>> {
-    let mut parts: Vec<(usize, String, Vec<Reach>, Vec<SplatSet>)> = Vec::new();
-    for (file, (path, set)) in files.into_iter().enumerate() {
-        let text = |name: Option<&std::ffi::OsStr>| name.unwrap_or_default().to_string_lossy().into_owned();
-        let stem = text(path.file_stem());
-        let Some(reach) = Reach::of(&set).filter(|_| is_block(&path)) else {
-            parts.push((file, stem, Vec::new(), vec![set]));
+pub fn parts(files: Vec<(String, SplatSet)>) -> Result<Vec<Part>> {
+    let (mut parts, mut apart): (Vec<Part>, Vec<Apart>) = Default::default();
+    for (file, (name, set)) in files.into_iter().enumerate() {
+        let block = folder_of(&name).zip(Reach::of(&set));
+        let Some((folder, reach)) = block else {
+            parts.push(Part { file, name, set });
             continue;
         };
-        let name = match text(path.parent().and_then(Path::file_name)) {
-            folder if folder.is_empty() => "blocks".to_owned(),
-            folder => folder,
-        };
-        let takes = |(_, of, reaches, sets): &&mut (usize, String, Vec<Reach>, Vec<SplatSet>)| {
-            *of == name
-                && reaches.iter().all(|other| other.is_apart(&reach))
-                && sets.iter().all(|other| go_together(other, &set))
-        };
-        // What is no block has no reaches, and takes nothing.
-        match parts.iter_mut().filter(|part| !part.2.is_empty()).find(takes) {
-            Some((_, _, reaches, sets)) => {
-                reaches.push(reach);
-                sets.push(set);
-            }
-            None => parts.push((file, name, vec![reach], vec![set])),
+        match apart.iter_mut().find(|part| part.takes(folder, &reach, &set)) {
+            Some(part) => part.blocks.push((reach, set)),
+            None => apart.push(Apart { file, folder: folder.to_owned(), blocks: vec![(reach, set)] }),
         }
     }
-    parts.into_iter().map(|(file, name, _, sets)| Ok(Part { file, name, set: merged(sets)? })).collect()
+    for Apart { file, folder, blocks } in apart {
+        let set = merged(blocks.into_iter().map(|(_, set)| set).collect())?;
+        parts.push(Part { file, name: folder, set });
+    }
+    parts.sort_by_key(|part| part.file);
+    Ok(parts)
 }
 
 /// Returns true if two blocks are of the same kind: of one grid and one field, with labels of the same names.
@@ -159,8 +166,8 @@ mod tests {
         }
     }
 
-    fn named(first: u32) -> PathBuf {
-        Path::new("bone").join(block_name([first as usize, 0, 0])).with_extension("vgs")
+    fn named(first: u32) -> String {
+        stem(&Path::new("all/bone").join(block_name([first as usize, 0, 0])).with_extension("vgs"))
     }
 
     #[test]
@@ -185,8 +192,8 @@ mod tests {
 
     #[test]
     fn what_is_no_block_stays_by_itself() {
-        let far = |name: &str| (PathBuf::from(name), block(40..48));
-        let count = |files: Vec<(PathBuf, SplatSet)>| parts(files).expect("parts").len();
+        let far = |name: &str| (stem(Path::new(name)), block(40..48));
+        let count = |files: Vec<(String, SplatSet)>| parts(files).expect("parts").len();
         assert_eq!(count(vec![(named(0), block(0..8)), far("bone/x00040-y00000-z00000.vgs")]), 1);
         for name in
             ["bone/ribs.vgs", "bone/x40-y0-z0.vgs", "other/x00040-y00000-z00000.vgs", "x00040-y00000.vgs"]
@@ -194,6 +201,8 @@ mod tests {
             assert_eq!(count(vec![(named(0), block(0..8)), far(name)]), 2, "{name}");
             assert_eq!(count(vec![far(name), (named(0), block(0..8))]), 2, "{name}");
         }
+        let beside = |first| (block_name([first as usize, 0, 0]), block(first..first + 8));
+        assert_eq!(parts(vec![beside(0), beside(40)]).expect("parts")[0].name, "blocks", "without a folder");
         // One of splats that reach far, of another grid, of coded voxels, or with labels.
         let mut others = vec![block(40..48); 4];
         others[0].splats[0].log_scale = [5.0, 0.0, 0.0];

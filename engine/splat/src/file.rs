@@ -4,7 +4,7 @@ use std::io::Read;
 use std::path::Path;
 
 use super::format::{Format, ReadOptions, Reader, SNIFF_BYTES, Summary, WriteOptions};
-use super::{Place, SplatSet, Unplaced, glb, join, parts, ply, sog, spz, vgs};
+use super::{Place, SplatSet, Unplaced, glb, join, parts, ply, sog, spz, stem, vgs};
 use base::error::{Error, Kind, Result};
 use base::input::Input;
 
@@ -123,8 +123,8 @@ pub fn read_some(input: impl Into<Input>) -> Result<Unplaced> {
     Ok(splats)
 }
 
-/// Reads one or several files as one set, whose objects are named after the files, of blocks after their folder. Calls `place` at most
-/// once, for the volume of splats that only a volume can place.
+/// Reads one or several files as one set, whose objects are named after the files, of blocks after their folder. Calls
+/// `place` at most once, for the volume of splats that only a volume can place.
 pub fn read_all(
     inputs: impl IntoIterator<Item: Into<Input>>,
     place: impl FnOnce() -> Result<Option<Place>>,
@@ -139,8 +139,8 @@ pub fn read_all(
         {
             found = place()?;
         }
-        let path = splats.path.clone();
-        sets.push((path, splats.placed(found.as_ref())?));
+        let name = stem(&splats.path);
+        sets.push((name, splats.placed(found.as_ref())?));
     }
     join(parts(sets)?.into_iter().map(|part| (part.name, part.set)).collect())
 }

@@ -12,7 +12,7 @@ use std::collections::BTreeMap;
 use glam::DVec3;
 
 use super::harmonics::basis_count;
-use super::{Field, Form, Harmonics, Region, RegionObject, Splat, SplatSet, Voxels, label_name};
+use super::{Field, Form, Harmonics, Region, RegionObject, SplatSet, Voxels, label_name};
 use base::error::{Error, Kind, Result};
 use base::names;
 
@@ -112,17 +112,7 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         return Ok(sets.into_iter().next().map(|(_, set)| set).unwrap_or_default());
     }
     let Numbered { labels, names: label_names, of_set } = numbered(&sets)?;
-    let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
-    let origin_mm = if shared { first.origin_mm } else { common_origin(&sets) };
-    let field = Field { background: mean_background(&sets), ..lead.field };
-    let unit = others.iter().fold(first.unit, |unit, (_, s)| unit.joined(s.unit));
     let colours = first.colours.is_some().then(|| joined_colours(&sets));
-    let iterations =
-        first.iterations.filter(|_| others.iter().all(|(_, s)| s.iterations == first.iterations));
-    let grid = first.grid.filter(|_| others.iter().all(|(_, s)| s.grid == first.grid));
-    let volume_crc32 =
-        first.volume_crc32.filter(|_| others.iter().all(|(_, s)| s.volume_crc32 == first.volume_crc32));
-    let form = first.form;
     let region = joined_region(&sets, &of_set)?;
     // Other objects may have taken all voxels of a set.
     let objects = region.as_ref().map(Region::objects).unwrap_or_default();
@@ -132,35 +122,36 @@ pub fn join(sets: Vec<(String, SplatSet)>) -> Result<SplatSet> {
         .enumerate()
         .filter(|(fit, _)| is_there(*fit))
         .filter_map(|(fit, (_, set))| Some(Voxels { fit: fit as u8, ..set.voxels.first()?.clone() }));
-    let voxels = voxels.collect();
-    let splats = sets.into_iter().flat_map(|(_, set)| moved(set, origin_mm)).collect();
-    Ok(SplatSet {
-        splats,
-        origin_mm,
-        field,
-        unit,
-        colours,
-        labels: Some(labels),
-        label_names,
-        iterations,
-        grid,
-        volume_crc32,
-        form,
-        region,
-        voxels,
-        rounding: None,
-    })
+    let (voxels, lead) = (voxels.collect(), lead.field);
+    Ok(SplatSet { colours, labels: Some(labels), label_names, region, voxels, ..together(sets, lead) })
 }
 
-/// Returns the splats of a set in the space of another origin, mm RAS.
-fn moved(set: SplatSet, origin_mm: DVec3) -> impl Iterator<Item = Splat> {
-    let apart = set.origin_mm - origin_mm;
-    set.splats.into_iter().map(move |mut splat| {
-        if apart != DVec3::ZERO {
-            splat.mean = (DVec3::from_array(splat.mean.map(f64::from)) + apart).as_vec3().to_array();
-        }
-        splat
-    })
+/// Returns the splats of all sets, with what they have in common and the field of `lead`, and without objects, colours and
+/// coded voxels.
+fn together(sets: Vec<(String, SplatSet)>, lead: Field) -> SplatSet {
+    let Some(((_, first), others)) = sets.split_first() else { return SplatSet::default() };
+    let shared = others.iter().all(|(_, set)| set.origin_mm == first.origin_mm);
+    let all = |same: &dyn Fn(&SplatSet) -> bool| others.iter().all(|(_, set)| same(set));
+    let joined = SplatSet {
+        origin_mm: if shared { first.origin_mm } else { common_origin(&sets) },
+        field: Field { background: mean_background(&sets), ..lead },
+        unit: others.iter().fold(first.unit, |unit, (_, set)| unit.joined(set.unit)),
+        iterations: first.iterations.filter(|_| all(&|set| set.iterations == first.iterations)),
+        grid: first.grid.filter(|_| all(&|set| set.grid == first.grid)),
+        volume_crc32: first.volume_crc32.filter(|_| all(&|set| set.volume_crc32 == first.volume_crc32)),
+        form: first.form,
+        ..SplatSet::default()
+    };
+    let moved = |(_, set): (String, SplatSet)| {
+        let apart = set.origin_mm - joined.origin_mm;
+        set.splats.into_iter().map(move |mut splat| {
+            if apart != DVec3::ZERO {
+                splat.mean = (DVec3::from_array(splat.mean.map(f64::from)) + apart).as_vec3().to_array();
+            }
+            splat
+        })
+    };
+    SplatSet { splats: sets.into_iter().flat_map(moved).collect(), ..joined }
 }
 
 /// Returns blocks of one grid and one field that lie apart as one set, with the labels that they have.
@@ -169,10 +160,7 @@ pub(crate) fn merged(sets: Vec<SplatSet>) -> Result<SplatSet> {
         return Ok(sets.into_iter().next().unwrap_or_default());
     }
     let sets: Vec<_> = sets.into_iter().map(|set| (String::new(), set)).collect();
-    let first = &sets[0].1;
-    let (form, unit, grid, volume_crc32) = (first.form, first.unit, first.grid, first.volume_crc32);
-    let iterations = first.iterations.filter(|_| sets.iter().all(|(_, s)| s.iterations == first.iterations));
-    let field = Field { background: mean_background(&sets), ..first.field };
+    let lead = sets[0].1.field;
     let regions: Vec<Region> = sets.iter().filter_map(|(_, set)| set.region.clone()).collect();
     let region = Region::joined(&regions)
         .ok_or_else(|| Error::new(Kind::Internal, "VGS-SPLAT-012", "objects without numbers"))?;
@@ -180,23 +168,7 @@ pub(crate) fn merged(sets: Vec<SplatSet>) -> Result<SplatSet> {
     let labels = (!all.is_empty()).then(|| all.into_iter().flatten().copied().collect());
     let names = sets.iter().flat_map(|(_, set)| set.label_names.iter().cloned());
     let label_names = names.collect::<BTreeMap<_, _>>().into_iter().collect();
-    let origin_mm = common_origin(&sets);
-    let splats = sets.into_iter().flat_map(|(_, set)| moved(set, origin_mm)).collect();
-    let region = Some(region);
-    Ok(SplatSet {
-        splats,
-        origin_mm,
-        field,
-        unit,
-        labels,
-        label_names,
-        iterations,
-        grid,
-        volume_crc32,
-        form,
-        region,
-        ..SplatSet::default()
-    })
+    Ok(SplatSet { labels, label_names, region: Some(region), ..together(sets, lead) })
 }
 
 /// Returns the regions of all sets as one, with the numbers that the joined set gives its objects; `None` if no set has
@@ -353,8 +325,8 @@ mod tests {
 
     use super::*;
     use crate::Grid;
-    use crate::Kernel;
     use crate::region::tests::region_of;
+    use crate::{Kernel, Splat};
     use base::unit::Unit;
 
     fn at(origin: DVec3, means: &[[f32; 3]]) -> SplatSet {

@@ -1,7 +1,5 @@
 //! The splats that a page is made of: as one set, for its look, and apart as the files that they are from.
 
-use std::path::PathBuf;
-
 use engine::splat::{self, Part, SplatSet};
 use engine::{Error, Kind, Result};
 use glam::DVec3;
@@ -30,9 +28,8 @@ pub struct Splats {
 
 /// Returns the sources of a scene's parts: of blocks, those that lie apart as one.
 fn together(sources: Vec<Source>) -> Result<Vec<Source>> {
-    let files = sources.iter().map(|source| (PathBuf::from(&source.stem), source.set.clone()));
+    let files = sources.iter().map(|source| (source.stem.clone(), source.set.clone()));
     let source = |part: Part| match &sources[part.file] {
-        alone if !alone.stem.contains('/') => alone.clone(),
         alone if alone.set == part.set => Source { stem: part.name, ..alone.clone() },
         _ => Source::of(part.name, part.set),
     };
@@ -109,7 +106,7 @@ mod tests {
 
     #[test]
     fn blocks_that_lie_apart_are_one_object_of_a_page() {
-        let source = |first: u32| {
+        let source_in = |folder: &str, first: u32| {
             let set = SplatSet {
                 splats: vec![Splat { mean: [first as f32, 0.0, 0.0], ..Splat::default() }],
                 grid: Some(Grid { size: [64, 1, 1], world_from_voxel: Default::default() }),
@@ -117,8 +114,9 @@ mod tests {
                 region: Region::of([64, 1, 1], |i| (i as u32 / 8 == first / 8).then_some(0)),
                 ..SplatSet::default()
             };
-            Source::of(format!("bone/{}", block_name([first as usize, 0, 0])), set)
+            Source::of(format!("{folder}{}", block_name([first as usize, 0, 0])), set)
         };
+        let source = |first| source_in("bone/", first);
         let splats = Splats::join([0, 8, 40, 48].map(source).to_vec()).expect("splats");
         assert_eq!(splats.names, [(1, "bone".to_owned()), (2, "bone (2)".to_owned())]);
         assert_eq!(
@@ -126,6 +124,9 @@ mod tests {
             [2, 2]
         );
         let splats = Splats::join([0, 40].map(source).to_vec()).expect("splats");
+        assert_eq!((splats.names.len(), splats.set.splats.len()), (1, 2));
+        // As where a shell is in their folder.
+        let splats = Splats::join([0, 40].map(|first| source_in("", first)).to_vec()).expect("splats");
         assert_eq!((splats.names.len(), splats.set.splats.len()), (1, 2));
     }
 }

@@ -218,14 +218,13 @@ impl BakeArguments {
         }
         if report.steps == 0 && self.iterations > 0 {
             console.say("no step was done: colours and opacities are those of vgs convert --tf");
-        } else if !report.after.is_empty() {
-            let mean = |views: &[f64]| views.iter().sum::<f64>() / views.len() as f64;
-            let worst = report.after.iter().copied().fold(f64::INFINITY, f64::min);
+        } else if let [first, .., last] = &report.curve[..] {
             console.say(&format!(
-                "{:.1} dB on {} views that were not fitted, {worst:.1} in the worst; {:.1} before {} steps",
-                mean(&report.after),
+                "{:.1} dB on {} views that were not fitted, {:.1} in the worst; {:.1} before {} steps",
+                last.psnr_db,
                 report.after.len(),
-                mean(&report.before),
+                last.worst_psnr_db,
+                first.psnr_db,
                 report.steps
             ));
         }

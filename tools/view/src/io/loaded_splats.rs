@@ -31,7 +31,8 @@ impl LoadedSplats {
     pub fn join(files: Vec<(PathBuf, SplatSet)>) -> Result<Self> {
         let mut rows = Vec::new();
         let mut named = Vec::new();
-        for Part { file, name, set } in splat::parts(files)? {
+        let files = files.into_iter().map(|(path, set)| (splat::stem(&path), set));
+        for Part { file, name, set } in splat::parts(files.collect())? {
             let has_labels = set.labels.is_some();
             let own =
                 set.objects().into_iter().map(|o| Object::new(file, has_labels.then_some(o.number), ""));
