@@ -11,6 +11,8 @@ const uint PICTURE_TILE = 8;
 const uint TILE_PIXELS = 64;
 // Sums over the pixels of a tile that are kept of each splat in it; see picture_blend_grad.comp.
 const uint PICTURE_MOMENTS = 9;
+// Splats are sorted by depth in as many steps, which a float tells apart: 24 bits.
+const uint DEPTH_STEPS = 0xffffff;
 // What is behind is not seen where less than this passes.
 const float LEAST_PASSED = 1e-4;
 

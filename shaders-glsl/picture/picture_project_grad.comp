@@ -13,14 +13,17 @@ layout(push_constant, scalar) uniform PictureProjectParams {
     uvec2 size;
     uint splat_count;
     uint coefficients;
+    float nearest;
+    float farthest;
 } p;
 layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
 layout(scalar, binding = 1) readonly buffer Harmonics { vec3 harmonics_of[]; };
 layout(scalar, binding = 2) readonly buffer PictureSplats { PictureSplat picture_splats[]; };
-layout(scalar, binding = 3) readonly buffer PairOffsets { uint pair_offsets[]; };
-layout(scalar, binding = 4) readonly buffer PictureMoments { float moments[]; };
-layout(scalar, binding = 5) writeonly buffer Gradients { SplatGrad gradients[]; };
-layout(scalar, binding = 6) writeonly buffer HarmonicGradients { vec3 harmonic_gradients[]; };
+layout(scalar, binding = 3) readonly buffer Order { uint order[]; };
+layout(scalar, binding = 4) readonly buffer PairOffsets { uint pair_offsets[]; }; // in that order
+layout(scalar, binding = 5) readonly buffer PictureMoments { float moments[]; };
+layout(scalar, binding = 6) writeonly buffer Gradients { SplatGrad gradients[]; };
+layout(scalar, binding = 7) writeonly buffer HarmonicGradients { vec3 harmonic_gradients[]; };
 
 // Derivatives of the harmonics by a direction that need not be a unit vector, times weights; polynomials as they stand
 // in harmonics.glsl.
@@ -47,11 +50,12 @@ vec3 harmonics_slope(vec3 d, float w[16]) {
 }
 
 void main() {
-    uint i = gl_GlobalInvocationID.x;
-    if (i >= p.splat_count) return;
+    uint rank = gl_GlobalInvocationID.x;
+    if (rank >= p.splat_count) return;
+    uint i = order[rank];
     SplatGrad g = SplatGrad(vec3(0.0), 0.0, vec3(0.0), vec3(0.0), 0.0);
     // A step whose pairs found no room is void, but what it reads must be there.
-    uint first = pair_offsets[i], end = min(pair_offsets[i + 1], uint(moments.length()) / PICTURE_MOMENTS);
+    uint first = pair_offsets[rank], end = min(pair_offsets[rank + 1], uint(moments.length()) / PICTURE_MOMENTS);
     if (first >= end) {
         gradients[i] = g;
         for (uint k = 0; k < p.coefficients; ++k) harmonic_gradients[i * p.coefficients + k] = vec3(0.0);

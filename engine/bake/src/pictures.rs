@@ -97,7 +97,7 @@ impl Objective for PictureObjective<'_> {
         let shot = self.shot(&self.views.cameras[view], background);
         self.picture.draw(recorder, splats, &shot);
         self.picture.compare(recorder, &self.views.wanted[view], background, self.ssim_weight);
-        self.picture.differentiate(recorder, splats, &shot.view);
+        self.picture.differentiate(recorder, splats, &shot);
         Ok(())
     }
 

@@ -128,7 +128,7 @@ impl Binner {
             .write("values", values)
             .push(&params)
             .dispatch_over(n as u32);
-        self.pairs.sort(recorder, n, self.key_bits, grid_params.slot_count, 0);
+        self.pairs.sort(recorder, n, self.key_bits, grid_params.slot_count);
         recorder
             .pass(&self.pair_masks_kernel)
             .read("pair_offsets", &self.pairs.offsets)

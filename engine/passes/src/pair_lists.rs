@@ -81,15 +81,8 @@ impl PairLists {
     }
 
     /// Records the sort of the pairs of `rows` rows by keys of at most `bits` bits, and the search for the
-    /// first pair of each of the lists. The lowest `key_shift` bits of a key are the order within a list.
-    pub(super) fn sort(
-        &mut self,
-        recorder: &mut Recorder,
-        rows: usize,
-        bits: u32,
-        lists: u32,
-        key_shift: u32,
-    ) {
+    /// first pair of each of the lists.
+    pub(super) fn sort(&mut self, recorder: &mut Recorder, rows: usize, bits: u32, lists: u32) {
         let capacity = self.capacity() as u32;
         let (keys, _) = self.sort.record(recorder, &self.offsets, rows, bits);
         recorder
@@ -97,7 +90,7 @@ impl PairLists {
             .read("pair_offsets", &self.offsets)
             .read("keys", keys)
             .write("starts", &mut self.starts)
-            .push(&RangeParams { slot_count: lists, count_index: rows as u32, capacity, key_shift })
+            .push(&RangeParams { slot_count: lists, count_index: rows as u32, capacity })
             .dispatch_over(capacity + 1);
     }
 

@@ -11,6 +11,7 @@ use shaders_glsl::types::{
 };
 
 use super::pair_lists::{PairLists, key_bits};
+use super::{RadixSort, Rows, WorkgroupShape};
 use base::error::{Error, Kind, Result};
 use gpu::{Buffer, Gpu, Kernel, Recorder};
 use splat::Splat;
@@ -23,6 +24,8 @@ const MOMENTS: usize = glsl::picture::PICTURE_MOMENTS as usize;
 const MOMENT_BYTES: usize = MOMENTS * size_of::<f32>();
 /// Edge of a tile of the loss, pixels.
 const LOSS_TILE: u32 = glsl::picture_loss::LOSS_TILE;
+/// Bits of the keys by which splats are sorted.
+const DEPTH_BITS: u32 = 32 - glsl::picture::DEPTH_STEPS.leading_zeros();
 /// Longest edge of a picture, pixels: every device dispatches as many workgroups as it has tiles.
 pub const LONGEST: u32 = 1920;
 
@@ -79,7 +82,12 @@ pub struct Picture {
     size: [u32; 2],
     splat_count: usize,
     coefficients: usize,
-    depth_bits: u32,
+    tile_bits: u32,
+    /// Sorts the splats by depth.
+    sort: RadixSort,
+    rows_by_depth: Rows,
+    total: Buffer<u32>,
+    tile_counts: Buffer<u32>,
     seen: Buffer<PictureSplat>,
     pair_splats: Buffer<u32>,
     moments: Buffer<f32>,
@@ -106,9 +114,23 @@ impl Picture {
     /// [`Kind::Unavailable`] for a picture without pixels or with an edge above [`LONGEST`]; those of buffers that this
     /// device cannot have.
     pub fn new(gpu: &Gpu, splat_count: usize, coefficients: usize, size: [u32; 2]) -> Result<Self> {
+        Self::with_shape(gpu, splat_count, coefficients, size, WorkgroupShape::of(gpu))
+    }
+
+    /// Creates the passes with the given workgroup shape; pictures have the same bits.
+    ///
+    /// # Errors
+    /// As of [`Picture::new`].
+    pub fn with_shape(
+        gpu: &Gpu,
+        splat_count: usize,
+        coefficients: usize,
+        size: [u32; 2],
+        shape: WorkgroupShape,
+    ) -> Result<Self> {
         let tiles = size.map(|pixels| pixels.div_ceil(TILE) as usize);
         let lists = tiles[0] * tiles[1];
-        let depth_bits = 32 - key_bits(lists).min(32);
+        let tile_bits = key_bits(lists);
         if lists == 0 || size.iter().any(|&edge| edge > LONGEST) {
             let message = format!("pictures of {} x {} pixels", size[0], size[1]);
             return Err(Error::new(Kind::Unavailable, "VGS-BAKE-001", message)
@@ -123,21 +145,26 @@ impl Picture {
         }
         let capacity = pairs.capacity();
         let kernel = |shader| Kernel::new(gpu, shader, &[]);
+        let shaped = |shader| Kernel::new(gpu, shader, &[shape as u32]);
         Ok(Picture {
             gpu: gpu.clone(),
             project: kernel(&glsl::PICTURE_PROJECT)?,
             emit: kernel(&glsl::PICTURE_PAIRS)?,
-            blend: kernel(&glsl::PICTURE_BLEND)?,
+            blend: shaped(&glsl::PICTURE_BLEND)?,
             ssim: kernel(&glsl::PICTURE_SSIM)?,
             loss_grad: kernel(&glsl::PICTURE_LOSS_GRAD)?,
-            blend_grad: kernel(&glsl::PICTURE_BLEND_GRAD)?,
+            blend_grad: shaped(&glsl::PICTURE_BLEND_GRAD)?,
             project_grad: kernel(&glsl::PICTURE_PROJECT_GRAD)?,
             adam: kernel(&glsl::ADAM_HARMONICS)?,
             pairs,
             size,
             splat_count,
             coefficients,
-            depth_bits,
+            tile_bits,
+            sort: RadixSort::new(gpu, splat_count)?,
+            rows_by_depth: Rows::new(gpu)?,
+            total: gpu.upload("number of splats", "sorting", &[splat_count as u32])?,
+            tile_counts: gpu.buffer("tile counts", "sorting", splat_count)?,
             seen: gpu.buffer("splats on the picture", "views", splat_count)?,
             pair_splats: gpu.buffer("splats of pairs", "sorting", capacity)?,
             moments: gpu.buffer("moments of pairs", "optimiser", capacity * MOMENTS)?,
@@ -182,9 +209,11 @@ impl Picture {
         Ok(())
     }
 
-    fn params(&self, view: &View) -> PictureProjectParams {
+    fn params(&self, shot: &Shot) -> PictureProjectParams {
         PictureProjectParams {
-            view: *view,
+            view: shot.view,
+            nearest: shot.depths[0],
+            farthest: shot.depths[1],
             size: self.size,
             splat_count: self.splat_count as u32,
             coefficients: self.coefficients as u32,
@@ -199,42 +228,40 @@ impl Picture {
     /// it afterwards, and [`Picture::pair_totals`] tells it to the optimiser.
     pub fn draw(&mut self, recorder: &mut Recorder, of: &Splats<'_>, shot: &Shot) {
         let rows = self.splat_count;
-        let params = self.params(&shot.view);
+        let params = self.params(shot);
+        let (keys, values) = self.sort.input();
         recorder
             .pass(&self.project)
             .read("splats", of.splats)
             .read("harmonics_of", of.harmonics)
             .write("picture_splats", &mut self.seen)
-            .write("pair_counts", &mut self.pairs.counts)
+            .write("tile_counts", &mut self.tile_counts)
+            .write("keys", keys)
+            .write("values", values)
             .push(&params)
             .dispatch_over(rows as u32);
+        let (_, order) = self.sort.record(recorder, &self.total, 0, DEPTH_BITS);
+        self.rows_by_depth.gather(recorder, &self.tile_counts, order, 0, &mut self.pairs.counts);
         self.pairs.sum(recorder, rows, &mut self.needed, 0);
-        let capacity = self.capacity() as u32;
+        let capacity = self.pairs.capacity() as u32;
         let (pair_offsets, keys, values) = self.pairs.input();
         recorder.copy(pair_offsets, rows, &mut self.pair_totals, 0, 1);
         recorder
             .pass(&self.emit)
+            .read("order", order)
             .read("picture_splats", &self.seen)
             .read("pair_offsets", pair_offsets)
             .write("keys", keys)
             .write("values", values)
             .write("pair_splats", &mut self.pair_splats)
-            .push(&PicturePairParams {
-                size: self.size,
-                splat_count: rows as u32,
-                capacity,
-                depth_bits: self.depth_bits,
-                nearest: shot.depths[0],
-                farthest: shot.depths[1],
-            })
+            .push(&PicturePairParams { size: self.size, splat_count: rows as u32, capacity })
             .dispatch_over(rows as u32);
         let tiles = self.tiles();
-        let bits = self.depth_bits + key_bits(tiles as usize);
-        self.pairs.sort(recorder, rows, bits, tiles, self.depth_bits);
+        self.pairs.sort(recorder, rows, self.tile_bits, tiles);
         recorder
             .pass(&self.blend)
             .read("starts", &self.pairs.starts)
-            .read("pairs", self.pairs.values(bits))
+            .read("pairs", self.pairs.values(self.tile_bits))
             .read("pair_splats", &self.pair_splats)
             .read("picture_splats", &self.seen)
             .write("picture", &mut self.colours)
@@ -273,13 +300,12 @@ impl Picture {
     }
 
     /// Records the derivatives of the loss by the splats and their colours, after [`Picture::compare`].
-    pub fn differentiate(&mut self, recorder: &mut Recorder, of: &Splats<'_>, view: &View) {
+    pub fn differentiate(&mut self, recorder: &mut Recorder, of: &Splats<'_>, shot: &Shot) {
         let tiles = self.tiles();
-        let bits = self.depth_bits + key_bits(tiles as usize);
         recorder
             .pass(&self.blend_grad)
             .read("starts", &self.pairs.starts)
-            .read("pairs", self.pairs.values(bits))
+            .read("pairs", self.pairs.values(self.tile_bits))
             .read("pair_splats", &self.pair_splats)
             .read("picture_splats", &self.seen)
             .read("picture", &self.colours)
@@ -288,12 +314,13 @@ impl Picture {
             .write("moments", &mut self.moments)
             .push(&PictureBlendGradParams { size: self.size })
             .dispatch(tiles);
-        let params = self.params(view);
+        let params = self.params(shot);
         recorder
             .pass(&self.project_grad)
             .read("splats", of.splats)
             .read("harmonics_of", of.harmonics)
             .read("picture_splats", &self.seen)
+            .read("order", self.sort.sorted_values(DEPTH_BITS))
             .read("pair_offsets", &self.pairs.offsets)
             .read("moments", &self.moments)
             .write("gradients", &mut self.rows)

@@ -161,7 +161,7 @@ impl TileBinner {
             .read("hidden_parts", &self.hidden_parts)
             .push(&EmitParams { grid: *grid })
             .dispatch_over_3d(invocations);
-        self.pairs.sort(recorder, rows, key_bits(self.lists), self.lists as u32, 0);
+        self.pairs.sort(recorder, rows, key_bits(self.lists), self.lists as u32);
     }
 
     /// Returns the work of the last frame, except the number of splats that were listed for it. Waits for the

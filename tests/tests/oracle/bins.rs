@@ -200,12 +200,7 @@ pub fn brick_ranges() {
         let counts = gpu.upload("counts", "test", &[0, 0, keys.len() as u32]).unwrap();
         let buffer = gpu.upload("keys", "test", &padded).unwrap();
         let mut starts = gpu.upload("starts", "test", &vec![u32::MAX; slot_count + 1]).unwrap();
-        let params = RangeParams {
-            slot_count: slot_count as u32,
-            count_index: 2,
-            capacity: capacity as u32,
-            key_shift: 0,
-        };
+        let params = RangeParams { slot_count: slot_count as u32, count_index: 2, capacity: capacity as u32 };
         run(&gpu, |r| {
             r.pass(&kernel)
                 .read("pair_offsets", &counts)

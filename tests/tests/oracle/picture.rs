@@ -1,8 +1,8 @@
 //! Standard splats on a picture, the loss of the picture, and the derivatives by the splats.
 
 use engine::gpu::{Buffer, Gpu, Kernel};
-use engine::passes::Picture;
 use engine::passes::picture::{HarmonicsState, Shot, Splats};
+use engine::passes::{Picture, WorkgroupShape};
 use engine::render::Camera;
 use engine::splat::Splat;
 use engine::splat::harmonics::basis_count;
@@ -24,8 +24,7 @@ type Row = (reference::Splat, Vec<DVec3>);
 /// No multiple of a tile, of the loss or of the picture.
 const SIZE: [u32; 2] = [45, 37];
 const SSIM_WEIGHT: f64 = 0.3;
-/// More than a float tells apart.
-const DEPTH_BITS: u32 = 26;
+const SHAPES: [WorkgroupShape; 2] = [WorkgroupShape::OneByOne, WorkgroupShape::SideBySide];
 /// Some splats are behind it, mm.
 const FARTHEST: f32 = 85.0;
 
@@ -112,22 +111,36 @@ impl Stage {
             size: SIZE,
             splat_count: self.splats.len() as u32,
             coefficients: self.basis() as u32,
+            nearest: 20.0,
+            farthest: FARTHEST,
         }
     }
 }
 
+/// What a projection gives.
+struct Projected {
+    seen: Buffer<PictureSplat>,
+    tile_counts: Vec<u32>,
+    /// By depth.
+    keys: Vec<u32>,
+}
+
 /// Draws, compares and differentiates.
 fn made(gpu: &Gpu, stage: &Stage) -> Picture {
+    made_with(gpu, stage, WorkgroupShape::of(gpu))
+}
+
+fn made_with(gpu: &Gpu, stage: &Stage, shape: WorkgroupShape) -> Picture {
     let splats = gpu.upload("splats", "test", &stage.splats).unwrap();
     let harmonics = gpu.upload("harmonics", "test", &stage.coefficients).unwrap();
     let wanted = gpu.upload("wanted", "test", &stage.wanted).unwrap();
-    let mut picture = Picture::new(gpu, stage.splats.len(), stage.basis(), SIZE).unwrap();
+    let mut picture = Picture::with_shape(gpu, stage.splats.len(), stage.basis(), SIZE, shape).unwrap();
     let of = Splats { splats: &splats, harmonics: &harmonics };
     loop {
         run(gpu, |r| {
             picture.draw(r, &of, &stage.shot);
             picture.compare(r, &wanted, stage.shot.background, SSIM_WEIGHT as f32);
-            picture.differentiate(r, &of, &stage.shot.view);
+            picture.differentiate(r, &of, &stage.shot);
         });
         let needed = picture.needed().unwrap();
         if needed <= picture.capacity() {
@@ -138,33 +151,41 @@ fn made(gpu: &Gpu, stage: &Stage) -> Picture {
     }
 }
 
-/// Projects with the kernel alone: the splats on the picture, and their numbers of tiles.
-fn projected(gpu: &Gpu, stage: &Stage) -> (Buffer<PictureSplat>, Vec<u32>) {
+/// Projects with the kernel alone.
+fn projected(gpu: &Gpu, stage: &Stage) -> Projected {
     let kernel = Kernel::new(gpu, &shaders_glsl::PICTURE_PROJECT, &[]).unwrap();
     let splats = gpu.upload("splats", "test", &stage.splats).unwrap();
     let harmonics = gpu.upload("harmonics", "test", &stage.coefficients).unwrap();
-    let mut seen = gpu.buffer("seen", "test", stage.splats.len()).unwrap();
-    let mut counts = gpu.buffer("counts", "test", stage.splats.len()).unwrap();
+    let count = stage.splats.len();
+    let mut seen = gpu.buffer("seen", "test", count).unwrap();
+    let [mut tile_counts, mut keys, mut values] =
+        ["tile counts", "keys", "values"].map(|name| gpu.buffer(name, "test", count).unwrap());
     run(gpu, |r| {
         r.pass(&kernel)
             .read("splats", &splats)
             .read("harmonics_of", &harmonics)
             .write("picture_splats", &mut seen)
-            .write("pair_counts", &mut counts)
+            .write("tile_counts", &mut tile_counts)
+            .write("keys", &mut keys)
+            .write("values", &mut values)
             .push(&stage.params())
-            .dispatch_over(stage.splats.len() as u32);
+            .dispatch_over(count as u32);
     });
-    (seen, counts.read().unwrap())
+    assert!(values.read().unwrap().into_iter().eq(0..count as u32), "a splat's value is its number");
+    let [tile_counts, keys] = [tile_counts, keys].map(|buffer: Buffer<u32>| buffer.read().unwrap());
+    Projected { seen, tile_counts, keys }
 }
 
 pub fn picture_project() {
     let gpu = Device::boot();
     for degree in 0..=3 {
         let stage = stage(300 + u64::from(degree), 400, degree);
-        let (seen, _) = projected(&gpu, &stage);
-        let (mut places, mut shapes, mut values) = (vec![], vec![], vec![]);
-        for (got, (s, c)) in seen.read().unwrap().iter().zip(stage.rows()) {
+        let Projected { seen, keys, .. } = projected(&gpu, &stage);
+        let (mut places, mut shapes, mut values, mut steps) = (vec![], vec![], vec![], vec![]);
+        for ((got, key), (s, c)) in seen.read().unwrap().iter().zip(keys).zip(stage.rows()) {
             let Some(wanted) = picture::projected(&s, &c, &stage.eye(), SIZE) else { continue };
+            let part = ((wanted.depth - 20.0) / (f64::from(FARTHEST) - 20.0)).clamp(0.0, 1.0);
+            steps.push((f64::from(key), part * f64::from(shaders_glsl::picture::DEPTH_STEPS)));
             let unit = wanted.covariance.determinant().sqrt();
             let conic = wanted.covariance.inverse() * unit;
             places.extend(got.centre.iter().zip(wanted.centre.to_array()).map(|(&g, w)| (f64::from(g), w)));
@@ -178,25 +199,30 @@ pub fn picture_project() {
         assert_close("picture_project: centres", Bound::new(2e-4, 1e-6), places);
         assert_close("picture_project: conics", Bound::new(1e-4, 1e-4), shapes);
         assert_close("picture_project: opacity, depth, colour", Bound::new(1e-5, 1e-5), values);
+        assert_close("picture_project: keys", Bound::new(16.0, 0.0), steps);
     }
 }
 
 pub fn picture_pairs() {
     let gpu = Device::boot();
     let stage = stage(310, 300, 1);
-    let (seen, counts) = projected(&gpu, &stage);
+    let Projected { seen, tile_counts: counts, .. } = projected(&gpu, &stage);
+    // In any order, as here from the last to the first.
+    let order: Vec<u32> = (0..counts.len() as u32).rev().collect();
     let mut offsets = vec![0];
-    for count in &counts {
+    for count in counts.iter().rev() {
         offsets.push(offsets[offsets.len() - 1] + count);
     }
     let total = offsets[counts.len()] as usize;
     let kernel = Kernel::new(&gpu, &shaders_glsl::PICTURE_PAIRS, &[]).unwrap();
     let pair_offsets = gpu.upload("offsets", "test", &offsets).unwrap();
+    let order = gpu.upload("order", "test", &order).unwrap();
     let emitted = |capacity: usize| {
         let [mut keys, mut values, mut splats] = ["keys", "values", "splats"]
             .map(|name| gpu.upload(name, "test", &vec![u32::MAX; total]).unwrap());
         run(&gpu, |r| {
             r.pass(&kernel)
+                .read("order", &order)
                 .read("picture_splats", &seen)
                 .read("pair_offsets", &pair_offsets)
                 .write("keys", &mut keys)
@@ -206,9 +232,6 @@ pub fn picture_pairs() {
                     size: SIZE,
                     splat_count: counts.len() as u32,
                     capacity: capacity as u32,
-                    depth_bits: DEPTH_BITS,
-                    nearest: 20.0,
-                    farthest: FARTHEST,
                 })
                 .dispatch_over(counts.len() as u32);
         });
@@ -218,11 +241,12 @@ pub fn picture_pairs() {
     assert!(values.iter().copied().eq(0..total as u32), "a pair's value is its number");
     // Each splat has the tiles with a pixel that it is drawn in, and hardly any other.
     let columns = SIZE[0].div_ceil(8);
-    let (mut idle, mut steps) = (0, vec![]);
+    let mut idle = 0;
     for (i, (s, c)) in stage.rows().iter().enumerate() {
-        let own = offsets[i] as usize..offsets[i + 1] as usize;
+        let rank = counts.len() - 1 - i;
+        let own = offsets[rank] as usize..offsets[rank + 1] as usize;
         assert!(splats[own.clone()].iter().all(|&s| s == i as u32), "the pairs of splat {i} are together");
-        let tiles: Vec<u32> = keys[own.clone()].iter().map(|key| key >> DEPTH_BITS).collect();
+        let tiles = &keys[own];
         let quad = picture::projected(s, c, &stage.eye(), SIZE);
         for tile in 0..columns * SIZE[1].div_ceil(8) {
             let drawn = |margin: f64| {
@@ -240,15 +264,9 @@ pub fn picture_pairs() {
                 false => assert!(!drawn(0.999), "splat {i} is drawn in tile {tile} and has no pair there"),
             }
         }
-        if let Some(quad) = quad {
-            let part = ((quad.depth - 20.0) / (f64::from(FARTHEST) - 20.0)).clamp(0.0, 1.0);
-            let step = part * f64::from((1u32 << DEPTH_BITS) - 1);
-            steps.extend(keys[own].iter().map(|key| (f64::from(key & ((1 << DEPTH_BITS) - 1)), step)));
-        }
     }
     // Between the middles of the pixels a tile has places where no pixel is.
     assert!(idle * 10 < total, "{idle} of {total} pairs are of tiles that the splat is not drawn in");
-    assert_close("picture_pairs: depths", Bound::new(64.0, 0.0), steps);
     let [fewer, ..] = emitted(total / 2);
     assert_eq!(fewer[..total / 2], keys[..total / 2]);
     assert!(fewer[total / 2..].iter().all(|&key| key == u32::MAX), "nothing is written behind the capacity");
@@ -258,8 +276,9 @@ pub fn picture_blend() {
     let gpu = Device::boot();
     for (seed, count) in [(320, 300), (321, 3), (322, 2000)] {
         let stage = stage(seed, count, 2);
-        let picture = made(&gpu, &stage);
-        let got = picture.colours.read().unwrap();
+        let [got, other] = SHAPES.map(|shape| made_with(&gpu, &stage, shape).colours.read().unwrap());
+        let bits = |picture: &[[f32; 4]]| picture.iter().map(|c| c.map(f32::to_bits)).collect::<Vec<_>>();
+        assert_eq!(bits(&got), bits(&other), "both shapes have the same bits");
         let wanted = stage.picture_of(&stage.rows());
         let pairs = got.iter().zip(&wanted).flat_map(|(g, w)| g.map(f64::from).into_iter().zip(w.to_array()));
         // Where an opacity is cut to 0, and where the walk ends, either side may be right.
@@ -305,9 +324,11 @@ pub fn picture_loss_grad() {
 /// All of the way back: the derivatives of the loss by each parameter against central differences of the reference.
 pub fn picture_blend_grad() {
     let gpu = Device::boot();
-    for (seed, degree) in [(350, 0), (351, 1), (352, 3)] {
+    for ((seed, degree), shape) in
+        [(350, 0), (351, 1), (352, 3)].into_iter().flat_map(|of| SHAPES.map(|s| (of, s)))
+    {
         let stage = stage(seed, 16, degree);
-        let picture = made(&gpu, &stage);
+        let picture = made_with(&gpu, &stage, shape);
         let (rows, colours) = (picture.rows.read().unwrap(), picture.harmonic_rows.read().unwrap());
         let base = stage.rows();
         // An opacity that is cut to 0 at 1/255 jumps there; of three steps the middle slope has no jump in it.
@@ -349,7 +370,7 @@ pub fn picture_blend_grad() {
             let unit = pairs.iter().map(|(_, w)| w.abs()).fold(0.0, f64::max);
             pairs.into_iter().map(move |(g, w)| (f64::from(g) / unit, w / unit))
         };
-        let name = format!("picture_blend_grad, degree {degree}");
+        let name = format!("picture_blend_grad, degree {degree}, {shape:?}");
         assert_close(&format!("{name}: shapes"), Bound::new(1e-3, 2e-3).outliers(0.01, 0.05), scaled(shapes));
         assert_close(&format!("{name}: colours"), Bound::new(1e-3, 2e-3).outliers(0.01, 0.05), scaled(own));
     }

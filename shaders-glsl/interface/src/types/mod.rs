@@ -149,8 +149,6 @@ shared! {
         count_index: u32,
         /// Greatest number of pairs.
         capacity: u32,
-        /// Bits below the slot in a key.
-        key_shift: u32,
     }
     /// Push constants of `pair_masks`.
     PairParams {

@@ -28,6 +28,10 @@ shared! {
         splat_count: u32,
         /// Number of coefficients of a colour.
         coefficients: u32,
+        /// Depth of the least key, mm.
+        nearest: f32,
+        /// Depth of the greatest key, mm.
+        farthest: f32,
     }
     /// Push constants of `picture_pairs`.
     PicturePairParams {
@@ -37,12 +41,6 @@ shared! {
         splat_count: u32,
         /// Greatest number of pairs.
         capacity: u32,
-        /// Bits of a key that tell the depth.
-        depth_bits: u32,
-        /// Depth of the first step of the keys, mm.
-        nearest: f32,
-        /// Depth of the last step of the keys, mm.
-        farthest: f32,
     }
     /// Push constants of `picture_blend`.
     PictureBlendParams {
