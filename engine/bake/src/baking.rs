@@ -4,6 +4,7 @@ use std::ops::ControlFlow;
 use std::time::Instant;
 
 use super::options::Options;
+use super::state::{BakeState, CurvePoint};
 use super::training::Training;
 use super::views::Views;
 use base::error::{Kind, Result};
@@ -51,30 +52,14 @@ pub struct Report {
     pub training_s: f64,
 }
 
-/// How near the pictures come after some steps.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub struct CurvePoint {
-    /// Steps that are done.
-    pub step: u32,
-    /// Time that they took, s.
-    pub seconds: f64,
-    /// Number of splats.
-    pub splats: usize,
-    /// Mean PSNR of the views that are not trained, dB.
-    pub psnr_db: f64,
-    /// The least of them, dB.
-    pub worst_psnr_db: f64,
-}
-
-impl CurvePoint {
-    fn new(training: &Training<'_>, begun: Instant, views: &[f64]) -> Self {
-        CurvePoint {
-            step: training.steps(),
-            seconds: begun.elapsed().as_secs_f64(),
-            splats: training.rows().len(),
-            psnr_db: views.iter().sum::<f64>() / views.len() as f64,
-            worst_psnr_db: views.iter().copied().fold(f64::INFINITY, f64::min),
-        }
+/// Returns the point of the curve after `seconds` of steps, by the PSNR of the views that are not trained.
+fn curve_point(training: &Training<'_>, seconds: f64, views: &[f64]) -> CurvePoint {
+    CurvePoint {
+        step: training.steps(),
+        seconds,
+        splats: training.rows().len(),
+        psnr_db: views.iter().sum::<f64>() / views.len() as f64,
+        worst_psnr_db: views.iter().copied().fold(f64::INFINITY, f64::min),
     }
 }
 
@@ -88,6 +73,8 @@ pub struct Baked {
     pub hidden: usize,
     /// How near they come.
     pub report: Report,
+    /// Where to go on, if `going` broke off the training.
+    pub unfinished: Option<BakeState>,
 }
 
 /// Splats that were trained.
@@ -98,19 +85,23 @@ pub struct Trained {
     pub rows: Vec<usize>,
     /// How near they come.
     pub report: Report,
+    /// Where to go on, if `going` broke off.
+    pub unfinished: Option<BakeState>,
 }
 
 /// Returns `set` with colours and opacities with which alpha blending shows what mode decoded shows with `look`. `going`
-/// is told what is done, and may break off: the splats are then as far as they have come.
+/// is told what is done, and may break off: the splats are then as far as they have come, and the state that they leave can be
+/// given as `resumed`, with the same set, look and options, for the splats of baking that never stopped, bit for bit.
 ///
 /// # Errors
-/// Those of [`render::baked`](fn@render::baked) and [`Options::check`], and those of the device, as of too many splats for
+/// Those of [`render::baked`](fn@render::baked) and [`Options::check`], of another state ([`Kind::BadData`]), and those of the device, as of too many splats for
 /// its buffers ([`Kind::Temporary`]).
 pub fn bake(
     gpu: &Gpu,
     set: &SplatSet,
     look: &Look,
     options: &Options,
+    resumed: Option<&BakeState>,
     going: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Baked> {
     options.check()?;
@@ -123,7 +114,8 @@ pub fn bake(
     let total = options.views + options.held_out;
     let unfinished = |out, rows| {
         let rendering_s = begun.elapsed().as_secs_f64();
-        Ok(Baked { set: out, rows, hidden, report: Report { rendering_s, ..Report::default() } })
+        let report = Report { rendering_s, ..Report::default() };
+        Ok(Baked { set: out, rows, hidden, report, unfinished: None })
     };
     if out.splats.is_empty() {
         return unfinished(out, rows);
@@ -141,47 +133,74 @@ pub fn bake(
     let rendering_s = begun.elapsed().as_secs_f64();
     let lit = out.colours.as_ref().map_or(0, |colours| colours.degree);
     let degree = options.degree.unwrap_or(lit);
-    let Trained { set, rows: origins, report } =
-        train(gpu, out, degree, [&trained, &held_out], options, &mut |step, share| {
+    let Trained { set, rows: origins, report, unfinished } =
+        train(gpu, out, degree, [&trained, &held_out], options, resumed, &mut |step, share| {
             going(&Progress::Training(step, share))
         })?;
     let rows = origins.iter().map(|&row| rows[row]).collect();
-    Ok(Baked { set, rows, hidden, report: Report { rendering_s, ..report } })
+    Ok(Baked { set, rows, hidden, report: Report { rendering_s, ..report }, unfinished })
 }
 
 /// Trains the splats of a set with colours by pictures of `views`: first those that they are moved by, then those that only
 /// tell how good they are. Their harmonics get this degree. They grow, each to 16 at most, until there are as many as
-/// [`Options::max_splats`]. `going` is told steps and share, and may break off.
+/// [`Options::max_splats`]. `going` is told steps and share, and may break off; training goes on from the state `resumed`.
 ///
 /// # Errors
 /// Those of the device, as of too many splats for its buffers ([`Kind::Temporary`]); [`Kind::Internal`] for a set without
-/// splats or colours.
+/// splats or colours; [`Kind::BadData`] for the state of another training.
 pub fn train(
     gpu: &Gpu,
     first: SplatSet,
     degree: u8,
     [views, held_out]: [&Views; 2],
     options: &Options,
+    resumed: Option<&BakeState>,
     going: &mut dyn FnMut(u32, f64) -> ControlFlow<()>,
 ) -> Result<Trained> {
     let mut training = Training::new(gpu, &first, degree, views, options)?;
-    let mut report = Report { before: training.psnr(held_out)?, ..Report::default() };
-    let begun = Instant::now();
-    report.curve.push(CurvePoint::new(&training, begun, &report.before));
+    let mut report = Report::default();
+    let mut grown = 0;
+    let mut behind = 0.0;
+    let begun = match resumed {
+        Some(state) => {
+            training.resume(state)?;
+            (report.before, report.curve) = (state.before.clone(), state.curve.clone());
+            (grown, behind) = (state.grown as usize, state.seconds);
+            Instant::now()
+        }
+        None => {
+            report.before = training.psnr(held_out)?;
+            report.curve.push(curve_point(&training, 0.0, &report.before));
+            Instant::now()
+        }
+    };
+    let seconds = || behind + begun.elapsed().as_secs_f64();
     let count = first.splats.len();
     let most = options.max_splats.unwrap_or(GROWTH * count).max(count);
-    let mut grown = 0;
+    let mut unfinished = None;
     loop {
         let steps = f64::from(training.steps()) / f64::from(options.iterations.max(1));
-        let time = options.time_budget.map_or(0.0, |most| begun.elapsed().as_secs_f64() / most.as_secs_f64());
+        let time = options.time_budget.map_or(0.0, |most| seconds() / most.as_secs_f64());
         let done = steps.max(time);
         let told = going(training.steps(), done.min(1.0));
-        if training.steps() >= options.iterations || time >= 1.0 || time.is_nan() || told.is_break() {
+        if training.steps() >= options.iterations || time >= 1.0 || time.is_nan() {
+            break;
+        }
+        if told.is_break() {
+            unfinished = Some(BakeState {
+                steps: training.steps(),
+                adam_steps: training.adam_steps(),
+                grown: grown as u32,
+                seconds: seconds(),
+                before: report.before.clone(),
+                curve: report.curve.clone(),
+                splats: training.trainees()?,
+            });
             break;
         }
         if PARTS * done >= report.curve.len() as f64 {
             let views = training.psnr(held_out)?;
-            report.curve.push(CurvePoint::new(&training, begun, &views));
+            report.curve.push(curve_point(&training, seconds(), &views));
         }
         // Splats come in equal factors, while the rates are high.
         let due = GROWTHS.iter().filter(|&&at| at <= done).count();
@@ -197,11 +216,11 @@ pub fn train(
         }
         training.step(done)?;
     }
-    report.training_s = begun.elapsed().as_secs_f64();
+    report.training_s = seconds();
     report.steps = training.steps();
     report.after = training.psnr(held_out)?;
     if report.steps > 0 {
-        report.curve.push(CurvePoint::new(&training, begun, &report.after));
+        report.curve.push(curve_point(&training, report.training_s, &report.after));
     }
     let (splats, colours) = training.splats(first.origin_mm)?;
     let rows = training.rows().to_vec();
@@ -212,7 +231,7 @@ pub fn train(
     }
     set.colours = Some(colours);
     set.unit = Unit::Luminance;
-    Ok(Trained { set, rows, report })
+    Ok(Trained { set, rows, report, unfinished })
 }
 
 /// Returns the pictures of a set with colours from the cameras of `views`, over black, as other viewers draw them.

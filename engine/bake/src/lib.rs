@@ -12,6 +12,7 @@
 //! | `pictures` | the error of these pictures, as the objective of training |
 //! | `training` | splats on the device, moved by the derivatives of pictures |
 //! | `splitting` | more splats where the pictures ask for them |
+//! | `state` | [`BakeState`]: what interrupted training leaves, and its file |
 //! | `baking` | [`bake()`]: all of it, [`train`] from any splats, and [`Report`]: how near the pictures come, on views that were not trained |
 #![forbid(unsafe_code)]
 
@@ -19,9 +20,11 @@ mod baking;
 mod options;
 mod pictures;
 mod splitting;
+mod state;
 mod training;
 mod views;
 
-pub use baking::{Baked, CurvePoint, Progress, Report, Trained, bake, pictures, train};
+pub use baking::{Baked, Progress, Report, Trained, bake, pictures, train};
 pub use options::{MeanRate, Options, Rates};
+pub use state::{BakeState, CurvePoint};
 pub use views::Views;

@@ -70,6 +70,13 @@ impl<'a> PictureObjective<'a> {
         Shot { view: camera.view(self.corner), depths, background }
     }
 
+    /// Leaves out the views of the first `turns` steps.
+    pub fn skip(&mut self, turns: u32) {
+        for turn in 1..=turns {
+            self.choose(turn);
+        }
+    }
+
     /// Returns the view of a step, and the background of its picture. A step that is done again has the same.
     fn choose(&mut self, turn: u32) -> (usize, [f32; 3]) {
         if let Some((chosen, view, background)) = self.chosen

@@ -6,6 +6,7 @@ use shaders_glsl::types::{AdamHarmonicsParams, AdamParams};
 use super::options::{Options, Rates};
 use super::pictures::PictureObjective;
 use super::splitting::{Split, split};
+use super::state::{BakeState, Trainees};
 use super::views::Views;
 use base::error::{Error, Kind, Result};
 use gpu::Gpu;
@@ -79,6 +80,49 @@ impl<'a> Training<'a> {
         Ok(())
     }
 
+    /// Returns the splats with what Adam keeps of them. Waits for the device.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn trainees(&self) -> Result<Trainees> {
+        let AdamState { splats, first, second, histories } = &self.state;
+        let HarmonicsState { harmonics, first: mean, second: square } = &self.colours;
+        Ok(Trainees {
+            rows: self.rows.iter().map(|&row| row as u32).collect(),
+            splats: splats.read()?,
+            first: first.read()?,
+            second: second.read()?,
+            histories: histories.read()?,
+            harmonics: [harmonics.read()?, mean.read()?, square.read()?],
+        })
+    }
+
+    /// Goes on from a state of this training.
+    ///
+    /// # Errors
+    /// [`Kind::BadData`] for the state of another one; those of the device.
+    pub fn resume(&mut self, state: &BakeState) -> Result<()> {
+        let own = &state.splats;
+        if !own.belong_to(self.rows.len(), self.coefficients) {
+            let message = "this is the state of baking other splats, or with harmonics of another degree";
+            return Err(
+                Error::new(Kind::BadData, "VGS-BAKE-006", message).help("bake anew, without --resume")
+            );
+        }
+        let picture = Picture::new(&self.gpu, own.splats.len(), self.coefficients, self.objective.size())?;
+        self.begin(&own.splats, &own.harmonics[0])?;
+        self.state.first.write_range(0, &own.first)?;
+        self.state.second.write_range(0, &own.second)?;
+        self.state.histories.write_range(0, &own.histories)?;
+        self.colours.first.write_range(0, &own.harmonics[1])?;
+        self.colours.second.write_range(0, &own.harmonics[2])?;
+        self.objective.picture = picture;
+        self.objective.skip(state.steps);
+        self.rows = own.rows.iter().map(|&row| row as usize).collect();
+        (self.step, self.adam_steps) = (state.steps, state.adam_steps);
+        Ok(())
+    }
+
     /// Returns the row of each splat in the set of the beginning.
     pub fn rows(&self) -> &[usize] {
         &self.rows
@@ -132,6 +176,11 @@ impl<'a> Training<'a> {
     /// Returns the number of steps that are done.
     pub fn steps(&self) -> u32 {
         self.step
+    }
+
+    /// Returns the number of steps since Adam began.
+    pub fn adam_steps(&self) -> u32 {
+        self.adam_steps
     }
 
     /// Does one step with the next picture, when the share `done` of all steps is behind, 0 to 1. Waits for the device.

@@ -1,23 +1,19 @@
 //! State of a fit, as a file. With its inputs and its configuration the fit goes on as if it had never
 //! stopped, to the bit.
 //!
-//! The file begins with a line that names the format. Then follow, little-endian: the length of the caller's
-//! notes (u64) and the notes (UTF-8); iteration, last pause + 1 or 0, frozen splats and a reserved word (4 ×
-//! u32); first count and count (2 × u64); the rows of all splats (parameters, first and second moments,
-//! gradient norm and cap of the scales); and a CRC-32 of everything before it.
+//! Its parts ([`state_file`]): the caller's notes (UTF-8); iteration, last pause + 1 or 0, frozen splats and first count
+//! (u32); the rows of all splats (parameters, first and second moments, gradient norm and cap of the scales).
 
-use std::io::Read;
 use std::path::Path;
 
 use bytemuck::{Pod, Zeroable};
-use flate2::Crc;
 use shaders_glsl::types::{History, SplatGrad};
 
 use base::error::{Error, Kind, Result};
-use base::output::write_atomic;
+use base::state_file;
 use splat::Splat;
 
-const MAGIC: &[u8] = b"vgs-state-2\n";
+const KIND: &str = "vgs-state-3";
 
 /// Everything that a fit needs to go on, besides its inputs and its configuration.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,34 +49,15 @@ impl FitState {
     /// Writes the state and the caller's `notes`, atomically. An existing file is refused unless `force` is
     /// true.
     pub fn write(&self, path: &Path, notes: &str, force: bool) -> Result<()> {
-        let mut bytes = MAGIC.to_vec();
-        bytes.extend((notes.len() as u64).to_le_bytes());
-        bytes.extend(notes.as_bytes());
-        for word in [self.iteration, self.paused_at.map_or(0, |k| k + 1), self.frozen, 0] {
-            bytes.extend(word.to_le_bytes());
-        }
-        for word in [self.first_count as u64, self.rows.len() as u64] {
-            bytes.extend(word.to_le_bytes());
-        }
-        bytes.extend(
-            self.rows
-                .iter()
-                .flat_map(bytemuck::cast_ref::<SplatRow, [f32; ROW_WORDS]>)
-                .flat_map(|v| v.to_le_bytes()),
-        );
-        let mut crc = Crc::new();
-        crc.update(&bytes);
-        bytes.extend(crc.sum().to_le_bytes());
-        write_atomic(path, force, |out| out.write_all(&bytes))
+        let paused = self.paused_at.map_or(0, |k| k + 1);
+        let words = [self.iteration, paused, self.frozen, self.first_count as u32];
+        let parts = [notes.as_bytes(), bytemuck::cast_slice(&words), bytemuck::cast_slice(&self.rows)];
+        state_file::write(path, KIND, &parts, force)
     }
 
     /// Reads a state and the notes that were written with it.
     pub fn read(path: &Path) -> Result<(FitState, String)> {
-        let mut bytes = Vec::new();
-        base::input::open(path)
-            .and_then(|mut file| file.read_to_end(&mut bytes))
-            .map_err(|e| Error::io(path, "reading the state of a fit", &e))?;
-        parse(&bytes).ok_or_else(|| {
+        state_file::read(path, KIND)?.and_then(parse).ok_or_else(|| {
             Error::new(Kind::BadData, "VGS-FIT-020", "this is not the state of a fit, or it is damaged")
                 .file(path)
                 .help("start the fit anew, without --resume")
@@ -88,38 +65,17 @@ impl FitState {
     }
 }
 
-const ROW_WORDS: usize = size_of::<SplatRow>() / size_of::<f32>();
-
-/// Parses what [`FitState::write`] wrote; returns nothing if the bytes are not a state or are damaged.
-fn parse(bytes: &[u8]) -> Option<(FitState, String)> {
-    let (body, sum) = bytes.split_at_checked(bytes.len().checked_sub(4)?)?;
-    let mut crc = Crc::new();
-    crc.update(body);
-    if crc.sum().to_le_bytes() != sum {
+fn parse([notes, words, rows]: [Vec<u8>; 3]) -> Option<(FitState, String)> {
+    let words = bytemuck::try_pod_read_unaligned::<[u32; 4]>(&words).ok()?;
+    let [iteration, paused, frozen, first_count] = words;
+    let first_count = first_count as usize;
+    let rows = rows.chunks_exact(size_of::<SplatRow>());
+    if rows.len() == 0 || !rows.remainder().is_empty() {
         return None;
     }
-    let mut rest = body.strip_prefix(MAGIC)?;
-    let mut take = |n: usize| {
-        let (head, tail) = rest.split_at_checked(n)?;
-        rest = tail;
-        Some(head)
-    };
-    let long = |b: &[u8]| Some(u64::from_le_bytes(b.try_into().ok()?));
-    let length = usize::try_from(long(take(8)?)?).ok()?;
-    let notes = String::from_utf8(take(length)?.to_vec()).ok()?;
-    let mut words = [0u32; 4];
-    for word in &mut words {
-        *word = u32::from_le_bytes(take(4)?.try_into().ok()?);
-    }
-    let first_count = usize::try_from(long(take(8)?)?).ok()?;
-    let count = usize::try_from(long(take(8)?)?).ok()?;
-    let payload = take(count.checked_mul(size_of::<SplatRow>())?)?;
-    let numbers: Vec<f32> = payload.as_chunks::<4>().0.iter().map(|&b| f32::from_le_bytes(b)).collect();
-    let rows: Vec<SplatRow> =
-        numbers.as_chunks::<ROW_WORDS>().0.iter().map(|row| *bytemuck::cast_ref(row)).collect();
-    let [iteration, paused, frozen, _] = words;
-    (rest.is_empty() && count > 0)
-        .then(|| (FitState { iteration, paused_at: paused.checked_sub(1), frozen, first_count, rows }, notes))
+    let rows = rows.map(bytemuck::pod_read_unaligned).collect();
+    let state = FitState { iteration, paused_at: paused.checked_sub(1), frozen, first_count, rows };
+    Some((state, String::from_utf8(notes).ok()?))
 }
 
 #[cfg(test)]
@@ -144,15 +100,6 @@ mod tests {
         let bits = |s: &FitState| s.rows.iter().map(|r| r.splat.mean.map(f32::to_bits)).collect::<Vec<_>>();
         assert_eq!(bits(&back), bits(&state));
 
-        let whole = std::fs::read(&path).unwrap();
-        for cut in [0, 3, MAGIC.len(), whole.len() / 2, whole.len() - 1] {
-            assert!(parse(&whole[..cut]).is_none(), "cut at {cut}");
-        }
-        for at in [0, 20, 60, whole.len() - 1] {
-            let mut bad = whole.clone();
-            bad[at] ^= 1;
-            assert!(parse(&bad).is_none(), "a bit at {at} has changed");
-        }
         let error = {
             std::fs::write(&path, b"ply\n").unwrap();
             FitState::read(&path).unwrap_err()

@@ -52,8 +52,10 @@ pub struct Splats<'a> {
 pub struct HarmonicsState {
     /// Coefficients, by splat and coefficient: red, green, blue.
     pub harmonics: Buffer<[f32; 3]>,
-    first: Buffer<[f32; 3]>,
-    second: Buffer<[f32; 3]>,
+    /// First moments.
+    pub first: Buffer<[f32; 3]>,
+    /// Second moments.
+    pub second: Buffer<[f32; 3]>,
 }
 
 impl HarmonicsState {

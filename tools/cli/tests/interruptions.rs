@@ -244,3 +244,44 @@ fn a_limit_of_the_size_of_files_is_an_error() {
     let left = std::fs::read_dir(folder.path("large")).map_or(0, Iterator::count);
     assert_eq!(left, 0, "half a volume");
 }
+
+/// What Ctrl-C stops goes on to the bytes of baking that went through.
+#[test]
+fn interrupted_baking_goes_on_to_the_same_bytes() {
+    let folder = Folder::new(16);
+    folder.run(&fit("ours.ply", &["--no-eval"]));
+    let to = |output: &'static str, more: &[&'static str]| {
+        let few = ["--views", "6", "--size", "48", "--iterations", "700", "--tf", "CT-Soft-Tissue"];
+        [&["bake", "ours.ply", "-o", output], &few[..], more].concat()
+    };
+    let long = |more| to("part.spz", more);
+    let none = folder.run(&long(&["--resume"]));
+    assert!(none.code == 66 && none.err.contains("start without --resume"), "{}", none.err);
+    // How long the first pictures take is the machine's affair.
+    for delay in [1, 2, 4, 8, 16] {
+        let child = folder.start(&long(&["--force"]));
+        std::thread::sleep(Duration::from_secs(delay));
+        send(&child, "-INT");
+        let ended = finish(child);
+        assert!(ended.code == 130 || delay > 2, "stopped in time: {}", ended.err);
+        if folder.path("part.spz.state").exists() {
+            assert!(ended.err.contains("--resume goes on"), "{}", ended.err);
+            break;
+        }
+    }
+    assert!(folder.path("part.spz").exists(), "splats that can be used");
+    let anew = folder.run(&long(&[]));
+    assert!(anew.code == 73 && anew.err.contains("continue with --resume"), "{}", anew.err);
+    let other = folder.run(&long(&["--resume", "--seed", "1"]));
+    assert!(other.code == 2 && other.err.contains("--seed was 0 and is now 1"), "{}", other.err);
+    let other = folder.run(&long(&["--resume", "--shade", "off"]));
+    assert!(other.code == 2 && other.err.contains("the look differs"), "{}", other.err);
+    let resumed = folder.run(&long(&["--resume"]));
+    assert_eq!(resumed.code, 0, "{}", resumed.err);
+    assert!(!folder.path("part.spz.state").exists(), "baking that is done needs no state");
+    assert_eq!(folder.text("part.spz.csv").lines().count(), 7, "the curve has all points");
+    let whole: Vec<&str> =
+        long(&[]).into_iter().map(|word| if word == "part.spz" { "whole.spz" } else { word }).collect();
+    assert_eq!(folder.run(&whole).code, 0);
+    assert!(folder.read("part.spz") == folder.read("whole.spz"), "the same bytes");
+}

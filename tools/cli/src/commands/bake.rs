@@ -1,11 +1,12 @@
 //! Bakes what a transfer function shows of splats into colours for other viewers (`vgs bake`).
 
+use std::collections::BTreeMap;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use engine::bake::{Baked, Options, Progress, bake};
+use engine::bake::{BakeState, Baked, Options, Progress, bake};
 use engine::output::write_atomic;
 use engine::render::{Look, ObjectChange};
 use engine::splat::{self, PlyLayout, ReadOptions, SplatSet, WriteOptions};
@@ -16,6 +17,8 @@ use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::{bytes, seconds};
 use crate::shared::flags::{Clip, DeviceArguments, duration};
+use crate::shared::inputs::InputRecord;
+use crate::shared::interrupted::{self, state_path};
 use crate::shared::looks::{self, look_of};
 use crate::shared::outputs;
 use crate::shared::signals::Signals;
@@ -36,6 +39,9 @@ pub struct BakeArguments {
     /// Replaces an output that exists
     #[arg(short, long, help_heading = "Output")]
     force: bool,
+    /// Goes on from OUT.state, which Ctrl-C leaves: to the file of baking that never stopped, bit for bit. Outputs are replaced
+    #[arg(long, help_heading = "Output")]
+    resume: bool,
     /// Puts the splats with their HU into an .spz as well (its version 4): vgs opens it with a live transfer function,
     /// other viewers show the colours, where they know that version
     #[arg(long, help_heading = "Output")]
@@ -90,6 +96,7 @@ Examples:
   vgs bake bones.ply -o bones-baked.ply
   vgs bake bones.vgs -o bones.spz --tf CT-Bones-Steep --shade off
   vgs bake bones.vgs -o bones.spz --live                 for vgs with any --tf, too
+  vgs bake bones.vgs -o bones.spz --resume               goes on after Ctrl-C
   vgs bake organs.ply -o organs.glb --object-colours --max-splats 20000 --time-budget 1m
 
 What other viewers draw of the file is what `vgs render` shows in mode decoded, as near as splats of fixed colours
@@ -101,7 +108,12 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
     let (splats, output) = (&arguments.splats, &arguments.output);
     let curves = [".csv", ".svg"].map(|ending| outputs::beside(output, ending));
     let [table, plot] = &curves;
-    outputs::check(&[output, table, plot], &[splats], arguments.force)?;
+    let state = state_path(output);
+    let force = arguments.force || arguments.resume;
+    if !force {
+        interrupted::check_none_left(std::slice::from_ref(&state))?;
+    }
+    outputs::check(&[output, table, plot], &[splats], force)?;
     let set = splat::read(splats, &ReadOptions::default())?;
     splat::check_held(output, &SplatSet::default())?;
     if arguments.live {
@@ -131,12 +143,14 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
             .help("fit splats to the volume: vgs fit")
             .into());
     }
+    let notes = arguments.notes(&look)?;
+    let resumed = if arguments.resume { Some(read_state(&state, &notes)?) } else { None };
     let signals = Signals::install()?;
     let gpu = arguments.device.boot()?;
     let baked = {
         let mut waiting = (false, Waiting::on("rendering the pictures that are wanted"));
         signals.defer_first_signal();
-        bake(&gpu, &set, &look, &options, &mut |progress| {
+        bake(&gpu, &set, &look, &options, resumed.as_ref(), &mut |progress| {
             match *progress {
                 Progress::Rendering(done, all) => waiting.1.at(done as f64 / all.max(1) as f64),
                 Progress::Training(_, share) => {
@@ -161,12 +175,8 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
             .into());
     }
     let live = arguments.live.then(|| look.shown_part(&set));
-    let write = WriteOptions {
-        layout: arguments.ply_layout,
-        live: live.as_ref(),
-        force: arguments.force,
-        ..WriteOptions::default()
-    };
+    let write =
+        WriteOptions { layout: arguments.ply_layout, live: live.as_ref(), force, ..WriteOptions::default() };
     splat::write_as(output, &baked.set, &write)?;
     let curve = &baked.report.curve;
     if baked.report.steps > 0 {
@@ -174,14 +184,63 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
         let title = format!("{name} by {}", look.transfer.name);
         let texts = [curve::csv_of_baking(curve), curve::svg_of_baking(curve, &title)?];
         for (path, text) in curves.iter().zip(&texts) {
-            write_atomic(path, arguments.force, |out| out.write_all(text.as_bytes()))?;
+            write_atomic(path, force, |out| out.write_all(text.as_bytes()))?;
         }
+    }
+    match &baked.unfinished {
+        Some(unfinished) => {
+            unfinished.write(&state, &interrupted::notes_text(&notes)?, true)?;
+            let steps = format!("{} of {} steps", unfinished.steps, options.iterations);
+            console.say(&format!(
+                "{}: {steps} are done; the same command with --resume goes on",
+                state.display()
+            ));
+        }
+        // It is finished, or given up with --force.
+        None => drop(std::fs::remove_file(&state)),
     }
     arguments.tell(console, &look, &baked)?;
     Ok(signals.exit_code().unwrap_or(0))
 }
 
+/// Reads the state of the command that has these notes.
+fn read_state(path: &Path, notes: &Notes) -> engine::Result<BakeState> {
+    if !path.exists() {
+        return Err(interrupted::nothing_to_resume(path.to_owned()));
+    }
+    let (state, text) = BakeState::read(path)?;
+    let then: Notes = serde_json::from_str(&text).map_err(|e| interrupted::bad_notes(path, &e))?;
+    let changed: Vec<_> = notes
+        .iter()
+        .filter(|(name, now)| then.get(*name) != Some(now))
+        .map(|(name, now)| match (name.as_str(), then.get(name)) {
+            ("look" | "file of splats", _) | (_, None) => format!("the {name} differs"),
+            (_, Some(was)) => format!("{name} was {was} and is now {now}"),
+        })
+        .collect();
+    if changed.is_empty() { Ok(state) } else { Err(interrupted::of_other_work(path, &changed.join(", "))) }
+}
+
+/// Notes in a state: all that decides on what is baked, by name.
+type Notes = BTreeMap<String, String>;
+
 impl BakeArguments {
+    fn notes(&self, look: &Look) -> engine::Result<Notes> {
+        let Options { views, size, iterations, time_budget, max_splats, degree, seed, .. } = self.options();
+        let numbers = [
+            ("--views", format!("{views}")),
+            ("--size", format!("{size}")),
+            ("--iterations", format!("{iterations}")),
+            ("--time-budget", format!("{time_budget:?}")),
+            ("--max-splats", format!("{max_splats:?}")),
+            ("--degree", format!("{degree:?}")),
+            ("--seed", format!("{seed}")),
+            ("look", format!("{look:?}")),
+            ("file of splats", InputRecord::of(&self.splats)?.sha256),
+        ];
+        Ok(numbers.map(|(name, value)| (name.to_owned(), value)).into())
+    }
+
     fn options(&self) -> Options {
         Options {
             views: self.views,

@@ -5,7 +5,7 @@
 //! | `flags` | flags that several commands have, and how their texts are parsed; `viewing`: where a scene is seen from; `looks`: how splats look |
 //! | `inputs` | the volume and the region of interest, and the records of their files; `padding`: voxels without a value; `texts`: small files of text |
 //! | `splat_files` | reading and writing splats, whatever their layout |
-//! | `outputs` | checks before anything is written; `lock`: one run per output |
+//! | `outputs` | checks before anything is written; `lock`: one run per output; `interrupted`: what `--resume` goes on from |
 //! | `evaluation` | how splats are measured against a volume |
 //! | `console` | results to stdout, messages to stderr; `figures`: how numbers are written |
 //! | `help` | the short help, by task |
@@ -22,6 +22,7 @@ pub mod figures;
 pub mod flags;
 pub mod help;
 pub mod inputs;
+pub mod interrupted;
 pub mod lock;
 pub mod looks;
 pub mod memory;

@@ -64,7 +64,7 @@ pub fn run(gpu: &Gpu, arguments: &BakeArguments) -> Result<()> {
                 max_splats: Some((arguments.factor * seen as f64).max(1.0) as usize),
                 ..Options::default()
             };
-            let baked = bake(gpu, &set, &look, &options, &mut |_| ControlFlow::Continue(()))?;
+            let baked = bake(gpu, &set, &look, &options, None, &mut |_| ControlFlow::Continue(()))?;
             let report = &baked.report;
             let mean = |views: &[f64]| views.iter().sum::<f64>() / views.len() as f64;
             let row = format!(

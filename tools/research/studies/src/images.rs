@@ -174,18 +174,19 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
         ),
     ];
     for (name, first, options) in ways {
-        let done = train(gpu, first.clone(), 0, [&trained, &held_out], &options, &mut |step, share| {
-            if step.is_multiple_of(500) {
-                eprintln!("{name}: {step} steps, {:.0} %", 100.0 * share);
-            }
-            ControlFlow::Continue(())
-        })?;
+        let done =
+            train(gpu, first.clone(), 0, [&trained, &held_out], &options, None, &mut |step, share| {
+                if step.is_multiple_of(500) {
+                    eprintln!("{name}: {step} steps, {:.0} %", 100.0 * share);
+                }
+                ControlFlow::Continue(())
+            })?;
         // Its colours are what they are.
         let drawn = pictures(gpu, &done.set, &held_out)?;
         row(name, &done.set, done.report.steps, done.report.training_s, [drawn.clone(), drawn])?;
     }
     let options = Options { max_splats: Some(most), ..Options::default() };
-    let baked = bake(gpu, &fit, &looks[0], &options, &mut |_| ControlFlow::Continue(()))?;
+    let baked = bake(gpu, &fit, &looks[0], &options, None, &mut |_| ControlFlow::Continue(()))?;
     let drawn = pictures(gpu, &baked.set, &held_out)?;
     let seconds = arguments.fit_time + baked.report.rendering_s + baked.report.training_s;
     row("fit, then bake", &baked.set, baked.report.steps, seconds, [drawn.clone(), drawn])?;

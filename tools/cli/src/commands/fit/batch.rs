@@ -17,7 +17,6 @@ use sha2::{Digest, Sha256};
 
 use super::arguments::FitArguments;
 use super::cases::{self, Case};
-use super::checkpoint;
 use super::prepare::Inputs;
 use super::run::{CheckedFit, Given};
 use crate::report::results::FitResults;
@@ -25,6 +24,7 @@ use crate::shared::console::{self, Console};
 use crate::shared::failure::{self, Stop};
 use crate::shared::figures::seconds;
 use crate::shared::flags::{DeviceArguments, duration};
+use crate::shared::interrupted;
 use crate::shared::outputs;
 use crate::shared::signals::Signals;
 use crate::shared::version::{COMMIT, NUMBER};
@@ -386,7 +386,7 @@ fn is_of_device(kind: Kind) -> bool {
 
 /// Removes what a case has written that did not finish.
 fn remove(results: &FitResults, splats: &Path) -> Result<()> {
-    let state = checkpoint::state_path(splats);
+    let state = interrupted::state_path(splats);
     for path in results.outputs.iter().map(Path::new).chain([state.as_path()]) {
         match fs::remove_file(path) {
             Err(e) if e.kind() != std::io::ErrorKind::NotFound => {

@@ -13,6 +13,7 @@ use serde::{Deserialize, Serialize};
 use serde_json::Value;
 
 use crate::shared::inputs::{CleaningArguments, InputRecord, RoiArguments};
+use crate::shared::interrupted::{self, state_path};
 use crate::shared::outputs::beside;
 
 /// Flags for checkpoints and resuming.
@@ -60,11 +61,6 @@ pub struct Checkpoints {
     has_good_state: Cell<bool>,
 }
 
-/// Returns the path of the state of a fit to `output`.
-pub fn state_path(output: &Path) -> PathBuf {
-    beside(output, ".state")
-}
-
 /// Returns the path of the state before the last, which stands in if the last one is damaged.
 fn previous_path(output: &Path) -> PathBuf {
     beside(output, ".previous.state")
@@ -92,14 +88,8 @@ impl Checkpoints {
             kept: RefCell::default(),
             has_good_state: Cell::new(false),
         };
-        let states = [state_path(output), previous_path(output)];
-        if let Some(state) = states.into_iter().find(|path| path.exists())
-            && !checkpoints.write.force
-        {
-            let message = "an interrupted fit left its state here";
-            return Err(Error::new(Kind::CannotCreate, "VGS-CLI-030", message)
-                .file(state)
-                .help("continue with --resume, or start over with --force"));
+        if !checkpoints.write.force {
+            interrupted::check_none_left(&[state_path(output), previous_path(output)])?;
         }
         if let Some(every) = checkpoints.every {
             for k in (every..=config.iterations).step_by(every as usize) {
@@ -146,9 +136,7 @@ impl Checkpoints {
             seconds,
             curve: curve.to_vec(),
         };
-        let notes = serde_json::to_string(&notes).map_err(|e| {
-            Error::new(Kind::Internal, "VGS-CLI-031", format!("the notes of a state cannot be written: {e}"))
-        })?;
+        let notes = interrupted::notes_text(&notes)?;
         let (path, previous) = (state_path(&self.output), previous_path(&self.output));
         // If writing fails, the state before stays where it is.
         if self.has_good_state.replace(false) {
@@ -173,10 +161,7 @@ impl Checkpoints {
     pub fn read(&self) -> Result<Interrupted> {
         let (last, previous) = (state_path(&self.output), previous_path(&self.output));
         if !last.exists() && !previous.exists() {
-            let message = "there is no state of an interrupted fit here";
-            return Err(Error::new(Kind::Missing, "VGS-CLI-035", message)
-                .file(last)
-                .help("a finished fit leaves none: start without --resume"));
+            return Err(interrupted::nothing_to_resume(last));
         }
         match self.read_from(&last) {
             Ok(interrupted) => {
@@ -195,29 +180,21 @@ impl Checkpoints {
 
     fn read_from(&self, path: &Path) -> Result<Interrupted> {
         let (state, text) = FitState::read(path)?;
-        let notes: StateNotes = serde_json::from_str(&text).map_err(|e| {
-            Error::new(Kind::BadData, "VGS-CLI-032", format!("the notes cannot be read: {e}"))
-                .file(path)
-                .help("start over, with --force")
-        })?;
-        let other = |what: String| {
-            Err(Error::new(Kind::Usage, "VGS-CLI-033", format!("this is the state of another fit: {what}"))
-                .file(path)
-                .help("give the flags of the interrupted fit, or start over with --force"))
-        };
+        let notes: StateNotes = serde_json::from_str(&text).map_err(|e| interrupted::bad_notes(path, &e))?;
+        let other = |what: &str| Err(interrupted::of_other_work(path, what));
         for (name, hash) in &self.inputs {
             if notes.inputs.get(name) != Some(hash) {
-                return other(format!("the file of the {name} differs"));
+                return other(&format!("the file of the {name} differs"));
             }
         }
         if notes.inputs.len() != self.inputs.len() || notes.region != self.region {
-            return other("the region of interest is chosen differently".into());
+            return other("the region of interest is chosen differently");
         }
         let changed = differences(&notes.config, &self.config);
         if !changed.is_empty() {
             let all: Vec<_> =
                 changed.iter().map(|(key, was, is)| format!("{key} was {was} and is now {is}")).collect();
-            return other(all.join(", "));
+            return other(&all.join(", "));
         }
         Ok(Interrupted { state, seconds: notes.seconds, curve: notes.curve })
     }

@@ -7,7 +7,6 @@ use engine::fit::evaluate::Evaluation;
 use engine::fit::{End, Outcome};
 use engine::{Result, splat};
 
-use super::checkpoint;
 use super::prepare::Prepared;
 use super::stages::{Evaluated, Fitted};
 use crate::report::estimate::{CheckedEstimate, Estimate};
@@ -17,6 +16,7 @@ use crate::report::results::FitResults;
 use crate::shared::clock;
 use crate::shared::console::Console;
 use crate::shared::figures::{bytes, seconds};
+use crate::shared::interrupted;
 use crate::shared::memory::host_peak_bytes;
 use crate::shared::version::{COMMIT, NUMBER, VERSION};
 
@@ -242,7 +242,7 @@ fn summary(
         names.join(", ")
     ));
     if matches!(outcome.end, End::Stopped) {
-        let state = checkpoint::state_path(output);
+        let state = interrupted::state_path(output);
         out.push_str(&format!("to go on: the same command with --resume ({})\n", state.display()));
     }
     out.push_str(&format!("vgs {VERSION}. For looking, not for diagnosis.\n"));
