@@ -3,7 +3,8 @@
 //
 // An atlas has bricks of 8^3 voxels with an apron of one behind them, 9^3 texels: brick b has the voxels
 // 8 b - 1 to 8 b + 7 along each axis, so whatever lies between two of them is interpolated within the brick. A
-// table tells for each brick of the grid where it lies; all that hold nothing share the first place. Labels
+// table tells for each brick of the grid where it lies; all that hold nothing share the first place. Where there is no
+// memory for all of them, a brick of level l stands for 2^l bricks along each axis, and has every 2^l-th voxel. Labels
 // lie in an image of the same shape, or in a single texel where all have one. Beside each label the image says whether
 // all that is in the cell from this voxel to the next ones has that label: within an object, and wherever it borders on
 // nothing, a place has what eight voxels would tell it after one look.
@@ -18,7 +19,7 @@
 #include "appearance.glsl"
 
 layout(constant_id = 0) const uint MASKED = 0u;  // 1: the image holds an occupancy, too, as an atlas does; else all is there
-layout(constant_id = 1) const uint ATLAS = 0u;   // 1: the image is an atlas
+layout(constant_id = 1) const uint ATLAS = 0u;   // ONE_LEVEL: the image is an atlas; LEVELS: of bricks of several levels
 layout(constant_id = 2) const uint OBJECTS = 0u; // TINTS: objects have tints and opacities, or are hidden; OWN_FUNCTIONS:
                                                 // or transfer functions of their own; of an atlas only
 layout(binding = MEDIUM_BINDING) uniform sampler3D medium;
@@ -26,6 +27,8 @@ layout(scalar, binding = MEDIUM_BINDING + 1) readonly buffer Places { uint place
 layout(binding = MEDIUM_BINDING + 2) uniform sampler3D labels;
 layout(scalar, binding = MEDIUM_BINDING + 3) readonly buffer Appearances { Appearance appearances[]; };
 
+const uint ONE_LEVEL = 1u;
+const uint LEVELS = 2u;
 const uint TINTS = 1u;
 const uint OWN_FUNCTIONS = 2u;
 // Texels of a brick along each axis.
@@ -33,6 +36,8 @@ const uint APRONED = 9u;
 // Bits of a place of the atlas along each axis.
 const uint PLACE_BITS = 10u;
 const uint PLACE_MASK = (1u << PLACE_BITS) - 1u;
+// Level of the coarsest bricks; a place has its level above those of the axes.
+const uint MOST_LEVEL = 3u;
 
 // A place of the grid as a place of the atlas, in texels from the centre of its first one.
 vec3 atlas_place(BrickGrid g, vec3 at) {
@@ -40,9 +45,12 @@ vec3 atlas_place(BrickGrid g, vec3 at) {
     uvec3 bricks = (g.texels + 8u) >> 3;
     uvec3 brick = min(uvec3(from_first) >> 3, bricks - 1u);
     uint place = places[(brick.z * bricks.y + brick.y) * bricks.x + brick.x];
-    uvec3 corner =
-        uvec3(place & PLACE_MASK, (place >> PLACE_BITS) & PLACE_MASK, place >> (2u * PLACE_BITS)) * APRONED;
-    return vec3(corner) + (from_first - vec3(brick * 8u));
+    uvec3 corner = uvec3(place, place >> PLACE_BITS, place >> (2u * PLACE_BITS)) & PLACE_MASK;
+    uint level = 0u;
+    if (ATLAS == LEVELS) level = place >> (3u * PLACE_BITS);
+    vec3 inside = from_first - vec3((brick >> level << level) * 8u);
+    if (ATLAS == LEVELS) inside *= 1.0 / float(1u << level);
+    return vec3(corner * APRONED) + inside;
 }
 
 // A place of the grid in the image, as fractions of its edges.
@@ -140,9 +148,16 @@ vec2 medium_near(BrickGrid g, vec3 at, out uint function) {
 // O (V - dark) of a voxel of the grid, V and `dark` as fractions, O as far as the opacity of its object leaves it.
 float excess_of(BrickGrid g, ivec3 voxel, float dark) {
     ivec3 texel = voxel;
-    if (ATLAS == 1u) texel = ivec3(atlas_place(g, vec3(voxel)));
-    else texel = clamp(voxel, ivec3(0), ivec3(g.texels) - 1);
+    if (ATLAS == 0u) texel = clamp(voxel, ivec3(0), ivec3(g.texels) - 1);
+    vec3 place = vec3(texel);
+    if (ATLAS != 0u) place = atlas_place(g, vec3(voxel));
+    texel = ivec3(place);
     vec2 found = texelFetch(medium, texel, 0).xy;
+    // Between the texels of a coarser brick.
+    if (ATLAS == LEVELS && place != vec3(texel)) {
+        found = textureLod(medium, (place + 0.5) / vec3(textureSize(medium, 0)), 0.0).xy;
+        texel = ivec3(place + 0.5);
+    }
     float o = found.y;
     if (MASKED == 0u) o = texel == voxel ? 1.0 : 0.0;
     if (OBJECTS != 0u) o = shown_of(object_called(labels_at(texel).x), o);

@@ -12,8 +12,8 @@ layout(push_constant, scalar) uniform VoxelGradientParams {
     float dark; // as a fraction
     float unit;
 } p;
-// Coordinates of the brick of the grid that lies at each place of the atlas; x is NOWHERE at a place without one.
-layout(scalar, binding = 0) readonly buffer BrickAt { uvec3 brick_at[]; };
+// Coordinates of the brick of the grid that lies at each place of the atlas, and its level; x is NOWHERE at a place without one.
+layout(scalar, binding = 0) readonly buffer BrickAt { uvec4 brick_at[]; };
 layout(binding = 1) writeonly uniform image3D gradients;
 
 const uint NOWHERE = ~0u;
@@ -31,29 +31,31 @@ void main() {
     uint edge = 8;
     uvec3 texel = at * 8;
     ivec3 voxel = ivec3(texel);
-    if (ATLAS == 1) {
+    int stride = 1; // voxels from texel to texel
+    if (ATLAS != 0) {
         edge = APRONED;
         uvec3 across = textureSize(medium, 0) / APRONED;
-        uvec3 brick = brick_at[(at.z * across.y + at.y) * across.x + at.x];
+        uvec4 brick = brick_at[(at.z * across.y + at.y) * across.x + at.x];
         if (brick.x == NOWHERE) return;
         texel = at * APRONED;
-        voxel = ivec3(brick * 8) - 1;
+        voxel = ivec3(brick.xyz * 8) - 1;
+        stride = 1 << brick.w;
     }
     uint wide = edge + 2;
     for (uint i = gl_LocalInvocationIndex; i < wide * wide * wide; i += gl_WorkGroupSize.x) {
-        excess[i] = excess_of(p.grid, voxel - 1 + cube_place(i, wide), p.dark);
+        excess[i] = excess_of(p.grid, voxel + stride * (cube_place(i, wide) - 1), p.dark);
     }
     barrier();
     for (uint i = gl_LocalInvocationIndex; i < edge * edge * edge; i += gl_WorkGroupSize.x) {
         ivec3 place = cube_place(i, edge);
         bool beyond = any(greaterThanEqual(ivec3(texel) + place, textureSize(medium, 0)));
         if (beyond) continue;
-        uvec3 stride = uvec3(1, wide, wide * wide);
+        uvec3 next = uvec3(1, wide, wide * wide);
         uint centre = (uint(place.z + 1) * wide + uint(place.y + 1)) * wide + uint(place.x + 1);
         vec3 slopes;
         for (int axis = 0; axis < 3; ++axis) {
-            slopes[axis] = excess[centre + stride[axis]] - excess[centre - stride[axis]];
+            slopes[axis] = excess[centre + next[axis]] - excess[centre - next[axis]];
         }
-        imageStore(gradients, ivec3(texel) + place, vec4(p.unit * slopes, 0.0));
+        imageStore(gradients, ivec3(texel) + place, vec4(p.unit / float(stride) * slopes, 0.0));
     }
 }

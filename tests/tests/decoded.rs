@@ -4,8 +4,8 @@ use engine::error::Kind;
 use engine::gpu::Gpu;
 use engine::image::{Image, psnr};
 use engine::render::{
-    Appearance, Classification, ClipPlane, DecodeOptions, Decoded, Look, Renderer, Scene, Settings,
-    VolumeSource, decode, mode,
+    Appearance, Camera, Classification, ClipPlane, DecodeOptions, Decoded, FieldBudget, Look, Renderer,
+    Scene, Settings, VolumeSource, decode, mode,
 };
 use engine::splat::{Form, Grid, Kernel, Region, Splat, SplatSet, join};
 use engine::transfer::{OpacityPoint, Table};
@@ -207,7 +207,11 @@ fn smooth_edges_keep_the_sides_of_voxels() {
     let row = mode("decoded").expect("a mode");
     let scene = Scene::new(&gpu, Some(&set), None, &look("CT-Bone", true)).expect("a scene");
     let of = |edges: Edges| {
-        let settings = Settings { decoding: DecodeOptions { pitch: 1.0, edges }, step: 0.25, ..settings() };
+        let settings = Settings {
+            decoding: DecodeOptions { edges, ..DecodeOptions::default() },
+            step: 0.25,
+            ..settings()
+        };
         render(&gpu, row, &scene, &settings, &[camera(&scene)]).remove(0)
     };
     let covered = |image: &Image| image.pixels.iter().map(|pixel| f64::from(pixel[3])).sum::<f64>();
@@ -623,4 +627,68 @@ fn a_decoding_tells_its_progress_and_ends_with_its_scene() {
     assert!(begin(&mut all, false));
     assert!(all.len() > 1 && all[0] == 0.0 && all.is_sorted() && all.iter().all(|p| *p < 1.0), "{all:?}");
     assert!(!begin(&mut gone, true) && gone == [0.0], "not a slab for nobody: {gone:?}");
+}
+
+/// With a quarter of the memory that it takes, a field has its near bricks whole and is coarser elsewhere, never with a hole;
+/// with enough of it pictures have the same bits.
+#[test]
+fn a_budget_of_memory_keeps_what_is_near_whole() {
+    let gpu = Device::boot();
+    let set = on_a_fine_grid(objects(60));
+    let tint = |tint: [f32; 3]| Appearance { tint: Some(tint), ..Appearance::default() };
+    let tints = [(4, tint([1.0, 0.2, 0.1])), (7, tint([0.1, 0.4, 1.0]))];
+    let hidden = [(4, Appearance { visible: false, ..Appearance::default() })];
+    let row = mode("decoded").expect("a mode");
+    for (name, look) in [
+        ("soft", look("CT-Soft-Tissue", false)),
+        ("lit", look("CT-Bone", true)),
+        ("objects", Look { objects: tints.into(), ..look("CT-Soft-Tissue", true) }),
+        ("hidden", Look { objects: hidden.into(), ..look("CT-Bone", true) }),
+        (
+            "functions",
+            Look { functions: [(7, look("CT-Bone", true).transfer)].into(), ..look("CT-Soft-Tissue", true) },
+        ),
+        ("graded", graded(&look("CT-Soft-Tissue", true))),
+    ] {
+        let scene = Scene::new(&gpu, Some(&set), None, &look).expect("a scene");
+        let whole = camera(&scene);
+        // Half as far, to see what is near larger.
+        let middle = whole.eye + whole.forward() * (scene.origin - whole.eye).dot(whole.forward());
+        let near = Camera { eye: whole.eye.lerp(middle, 0.5), ..whole };
+        let shown = |budget: Option<FieldBudget>, camera: Camera| {
+            let decoding = DecodeOptions { budget, ..DecodeOptions::default() };
+            let picture =
+                render(&gpu, row, &scene, &Settings { decoding, ..settings() }, &[camera]).remove(0);
+            let purposes = gpu.memory_by_purpose();
+            let taken =
+                ["decoded field", "gradients"].map(|purpose| purposes.get(purpose).copied().unwrap_or(0));
+            (picture, taken.iter().sum::<u64>())
+        };
+        let (wanted, takes) = shown(None, near);
+        let (same, _) = shown(Some(FieldBudget { bytes: 4 * takes, camera: near }), near);
+        let bits = |image: &Image| image.pixels.iter().flatten().map(|v| v.to_bits()).collect::<Vec<_>>();
+        assert!(bits(&same) == bits(&wanted), "{name}: with enough memory");
+        let budget = FieldBudget { bytes: takes / 4, camera: near };
+        let (found, took) = shown(Some(budget), near);
+        // Drivers round the rows of small images up.
+        assert!(took <= takes / 4 * 6 / 5 && took > takes / 16, "{name}: {took} bytes of {takes}");
+        let holes = wanted.pixels.iter().zip(&found.pixels).filter(|(w, f)| w[3] > 0.5 && f[3] < 0.5 * w[3]);
+        assert_eq!(holes.count(), 0, "{name}: no hole");
+        let db = psnr(&wanted, &found).expect("one size");
+        println!("{name}: {took} bytes of {takes}: {db:.1} dB");
+        assert!(db > 28.0, "{name}: {db} dB");
+        // Seen from another side, others are near; the field need not be decoded again.
+        let behind = near.turned(middle, near.up, std::f64::consts::PI);
+        let (wanted, _) = shown(None, behind);
+        let splats = scene.splats.as_ref().expect("splats");
+        let from = |camera: Camera| {
+            let options =
+                DecodeOptions { budget: Some(FieldBudget { camera, ..budget }), ..DecodeOptions::default() };
+            splats.decoding(&gpu, options).expect("a job")(&mut |_| ()).expect("decoded");
+            psnr(&wanted, &shown(options.budget, behind).0).expect("one size")
+        };
+        let [old, new] = [near, behind].map(from);
+        println!("{name}, from behind: {old:.1} dB by what was near, {new:.1} dB by what is");
+        assert!(new != old && new > 28.0, "{name}: {old} dB, then {new} dB");
+    }
 }

@@ -8,8 +8,8 @@ use shaders_glsl::types::{Appearance, BrickGrid, VoxelGradientParams};
 use base::error::Result;
 use gpu::{Buffer, Format, Gpu, Image, Kernel, Recorder};
 
-/// Stands for the coordinates of a brick where an atlas has none.
-pub const NOWHERE: [u32; 3] = [u32::MAX; 3];
+/// Stands for the coordinates and the level of a brick where an atlas has none.
+pub const NOWHERE: [u32; 4] = [u32::MAX; 4];
 /// Edge of what a workgroup does of a dense image, voxels.
 const DENSE: u32 = 8;
 /// The greatest O (V − v₀), V as a fraction, times the unit of the gradients: a half has room for twice as much, and
@@ -23,8 +23,8 @@ pub struct GradientSource<'a> {
     pub grid: BrickGrid,
     /// V and O as fractions; or V alone.
     pub medium: &'a Image,
-    /// True if the image is an atlas.
-    pub is_atlas: bool,
+    /// What the image is: `ATLAS` of the shaders.
+    pub atlas: u32,
     /// Places of the bricks in an atlas.
     pub places: &'a Buffer<u32>,
     /// Labels of the voxels.
@@ -40,17 +40,17 @@ pub struct GradientSource<'a> {
 pub struct VoxelGradients {
     /// The image, in the shape of that of the medium.
     pub image: Image,
-    /// Coordinates of the brick of the grid at each place of an atlas, or [`NOWHERE`].
-    bricks: Buffer<[u32; 3]>,
+    /// Coordinates and level of the brick of the grid at each place of an atlas, or [`NOWHERE`].
+    bricks: Buffer<[u32; 4]>,
 }
 
 impl VoxelGradients {
-    /// Creates the image for a medium; of an atlas, `bricks` are the coordinates of the brick at each of its places, x
+    /// Creates the image for a medium; of an atlas, `bricks` are the coordinates and the level of the brick at each of its places, x
     /// fastest.
     ///
     /// # Errors
     /// If there is no memory for it: eight bytes a texel.
-    pub fn new(gpu: &Gpu, medium: &Image, bricks: &[[u32; 3]]) -> Result<Self> {
+    pub fn new(gpu: &Gpu, medium: &Image, bricks: &[[u32; 4]]) -> Result<Self> {
         Ok(VoxelGradients {
             image: gpu.volume("gradients", "gradients", Format::Rgba16f, medium.size())?,
             bricks: gpu.upload("bricks of places", "gradients", bricks)?,
@@ -72,9 +72,9 @@ impl VoxelGradients {
     ) -> Result<()> {
         let masked = of.medium.format() == Format::Rg16;
         let objects = if of.objects { glsl::medium::TINTS } else { 0 };
-        let constants = [u32::from(masked), u32::from(of.is_atlas), objects];
+        let constants = [u32::from(masked), of.atlas, objects];
         let kernel = Kernel::new(gpu, &glsl::VOXEL_GRADIENTS, &constants)?;
-        let edge = if of.is_atlas { APRONED } else { DENSE };
+        let edge = if of.atlas == 0 { DENSE } else { APRONED };
         recorder
             .pass(&kernel)
             .read("brick_at", &self.bricks)

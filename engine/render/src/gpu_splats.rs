@@ -10,7 +10,7 @@ use std::sync::{Arc, Mutex, OnceLock, PoisonError};
 use glam::{DAffine3, DVec3};
 use shaders_glsl::types::Centre;
 
-use super::decoded::{self, DecodeOptions};
+use super::decoded::{self, DecodeOptions, Decoded};
 use super::extents::{box_around, cores, intervals, middle_sigma, of_region, reaches};
 use super::gpu_volume::GpuVolume;
 use super::look::LookBuffers;
@@ -54,8 +54,12 @@ pub(super) struct Faces {
 /// A function that decodes a field, and tells its argument the part that is done, 0 to 1.
 pub type Decoding = Box<dyn FnOnce(&mut dyn FnMut(f32)) -> Result<()> + Send>;
 
-/// A pitch, voxels, and the field decoded at it.
-type Decoded = (DecodeOptions, Arc<GpuVolume>);
+/// How a field was decoded, and the field: on the device, and on the host where the device has not all of it.
+struct Shown {
+    options: DecodeOptions,
+    volume: Arc<GpuVolume>,
+    whole: Option<Arc<Decoded>>,
+}
 
 /// The splats of a scene.
 pub struct GpuSplats {
@@ -92,7 +96,9 @@ pub struct GpuSplats {
     region: Option<Region>,
     voxels: Vec<Voxels>,
     /// Field that mode decoded shows, with how it was decoded.
-    decoded: Arc<Mutex<Option<Decoded>>>,
+    decoded: Arc<Mutex<Option<Shown>>>,
+    /// Origin of the space of the scene in the world, mm RAS.
+    origin: DVec3,
     /// Coefficients of spherical harmonics, two halves a word; for standard splats only.
     harmonics: Buffer<u32>,
     standard: Option<Standard>,
@@ -163,6 +169,7 @@ impl GpuSplats {
             region: set.region.clone(),
             voxels: set.voxels.clone(),
             decoded: Arc::default(),
+            origin: set.origin_mm,
             harmonics: gpu.upload(
                 "spherical harmonics",
                 "splats",
@@ -277,18 +284,18 @@ impl GpuSplats {
     /// Returns the field that was decoded last; `None` if none was.
     pub(super) fn decoded_last(&self) -> Option<Arc<GpuVolume>> {
         let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
-        place.as_ref().map(|(_, made)| Arc::clone(made))
+        place.as_ref().map(|shown| Arc::clone(&shown.volume))
     }
 
-    /// Returns true if mode decoded can begin at once.
+    /// Returns true if mode decoded can begin at once, perhaps with bricks that are whole elsewhere.
     pub fn has_decoded(&self, options: DecodeOptions) -> bool {
-        self.decoded_as() == Some(options)
+        self.decoded_as().is_some_and(|there| there.is_like(&options))
     }
 
     /// Returns how the field is decoded that there is; `None` if there is none.
     pub fn decoded_as(&self) -> Option<DecodeOptions> {
         let place = self.decoded.lock().unwrap_or_else(PoisonError::into_inner);
-        place.as_ref().map(|(made_for, _)| *made_for)
+        place.as_ref().map(|shown| shown.options)
     }
 
     /// Returns a function that prepares mode decoded as `options` say, so that it can begin at once; it may
@@ -327,26 +334,37 @@ impl GpuSplats {
             // Those of the splats need not be found.
             source.objects.fill(0);
         }
-        let (gpu, place) = (gpu.clone(), Arc::downgrade(&self.decoded));
+        let (gpu, place, origin) = (gpu.clone(), Arc::downgrade(&self.decoded), self.origin);
         Ok(Box::new(move |progress: &mut dyn FnMut(f32)| {
             let start = std::time::Instant::now();
             let mut going = |part: f64| {
                 progress(part as f32);
                 place.strong_count() > 0
             };
-            let Some(field) = source.decode(&gpu, &options, &mut going)? else { return Ok(()) };
-            let Some(place) = place.upgrade() else { return Ok(()) };
-            let field = match number {
-                Some(number) => field.with_objects(&number),
-                None => field,
+            let held = place.upgrade().and_then(|place| {
+                let place = place.lock().unwrap_or_else(PoisonError::into_inner);
+                place
+                    .as_ref()
+                    .filter(|shown| shown.options.is_of_field(&options) && number.is_none())?
+                    .whole
+                    .clone()
+            });
+            let done = if held.is_some() { "placed anew" } else { "decoded" };
+            let field = match (held, number) {
+                (Some(held), _) => held,
+                (None, number) => {
+                    let Some(field) = source.decode(&gpu, &options, &mut going)? else { return Ok(()) };
+                    Arc::new(match number {
+                        Some(number) => field.with_objects(&number),
+                        None => field,
+                    })
+                }
             };
-            let volume = Arc::new(GpuVolume::of_field(&gpu, &field)?);
-            tracing::info!(
-                "{} bricks decoded in {:.2} s",
-                field.brick_count(),
-                start.elapsed().as_secs_f64()
-            );
-            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some((options, volume));
+            let Some(place) = place.upgrade() else { return Ok(()) };
+            let volume = Arc::new(GpuVolume::of_field(&gpu, &field, origin, options.budget.as_ref())?);
+            tracing::info!("{} bricks {done} in {:.2} s", field.brick_count(), start.elapsed().as_secs_f64());
+            let whole = options.budget.map(|_| field);
+            *place.lock().unwrap_or_else(PoisonError::into_inner) = Some(Shown { options, volume, whole });
             Ok(())
         }))
     }

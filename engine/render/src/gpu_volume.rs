@@ -15,10 +15,13 @@ use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use glam::{DAffine3, DVec3};
 use rayon::prelude::*;
+use shaders_glsl::medium;
 use shaders_glsl::types::BrickGrid;
 
 use super::atlas::ALONE;
+use super::atlas::Priority;
 use super::decoded::Decoded;
+use super::detail::{FieldBudget, seen_size};
 use super::look::LookBuffers;
 use super::scale::{Scale, to_fraction};
 use base::error::{Error, Kind, Result};
@@ -64,9 +67,10 @@ pub struct GpuVolume {
     labels: Image,
     /// Stands for gradients that are not kept.
     no_gradients: Image,
-    /// Coordinates of the brick at each place of an atlas.
-    bricks: Vec<[u32; 3]>,
-    is_atlas: bool,
+    /// Coordinates and level of the brick at each place of an atlas.
+    bricks: Vec<[u32; 4]>,
+    /// What the image is: `ATLAS` of the shaders.
+    atlas: u32,
     scale: Scale,
     voxel_from_scene: DAffine3,
     grid: BrickGrid,
@@ -323,7 +327,7 @@ impl GpuVolume {
             labels: gpu.volume("no labels", "volume", Format::Rg8, [1; 3])?,
             no_gradients: no_gradients(gpu)?,
             bricks: vec![NOWHERE],
-            is_atlas: false,
+            atlas: 0,
             scale: cut.scale,
             voxel_from_scene,
             grid,
@@ -331,12 +335,26 @@ impl GpuVolume {
         })
     }
 
-    /// Uploads a field that was decoded in the space of the scene.
-    pub(super) fn of_field(gpu: &Gpu, field: &Decoded) -> Result<Self> {
+    /// Uploads a field that was decoded in the space of the scene, whose origin is given in the world, mm RAS; within a budget,
+    /// if there is one.
+    pub(super) fn of_field(
+        gpu: &Gpu,
+        field: &Decoded,
+        origin: DVec3,
+        budget: Option<&FieldBudget>,
+    ) -> Result<Self> {
         let size = field.size.map(|n| n as usize);
         let spacing = volume::spacing_of(&field.scene_from_voxel);
         let grid = brick_grid(size, spacing);
-        let atlas = field.atlas(gpu.limits().volume_edge)?;
+        let priority = |middle: DVec3, radius: f64| match budget {
+            Some(FieldBudget { camera, .. }) => {
+                let middle = field.scene_from_voxel.transform_point3(middle);
+                seen_size(camera, camera.eye - origin, middle, radius * spacing.max_element())
+            }
+            None => 0.0,
+        };
+        let budget = budget.map(|budget| (budget.bytes, &priority as &Priority<'_>));
+        let atlas = field.atlas(gpu.limits().volume_edge, budget)?;
         let mut image = gpu.volume("atlas", "decoded field", Format::Rg16, atlas.size)?;
         image.write(&atlas.texels)?;
         let (texels, labels) = match &atlas.labels {
@@ -356,11 +374,11 @@ impl GpuVolume {
             labels: label_image,
             no_gradients: no_gradients(gpu)?,
             bricks: atlas.bricks,
-            is_atlas: true,
+            atlas: if atlas.levels.is_some() { medium::LEVELS } else { medium::ONE_LEVEL },
             scale,
             voxel_from_scene: field.scene_from_voxel.inverse(),
             grid,
-            marked: Marked::new(Occupancy::new(gpu, grid, &field.intervals(&grid))?),
+            marked: Marked::new(Occupancy::new(gpu, grid, &field.intervals(&grid, atlas.levels.as_deref()))?),
         })
     }
 
@@ -408,7 +426,7 @@ impl GpuVolume {
             let source = GradientSource {
                 grid: self.grid,
                 medium: &self.image,
-                is_atlas: self.is_atlas,
+                atlas: self.atlas,
                 places: &self.places,
                 labels: &self.labels,
                 appearances: &look.appearances,
@@ -450,8 +468,9 @@ impl GpuVolume {
         &self.labels
     }
 
-    pub(super) fn is_atlas(&self) -> bool {
-        self.is_atlas
+    /// Returns what the image is: `ATLAS` of the shaders.
+    pub(super) fn atlas(&self) -> u32 {
+        self.atlas
     }
 
     pub(super) fn scale(&self) -> Scale {

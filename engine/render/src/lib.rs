@@ -15,6 +15,7 @@
 //! | `splat_points`, `bumps` | the field at points in the splats, for mode alpha |
 //! | `baked` | [`baked()`]: splats with the colours of a transfer function, for programs that know none |
 //! | `gpu_volume`, `scale` | [`GpuVolume`]: a volume or a decoded field on the device; its 16-bit fractions |
+//! | `detail` | [`FieldBudget`]: bricks that are whole, and coarser ones where memory ends |
 //! | `decoded`, `atlas`, `least_squares`, `halving` | [`decode`]: the field of splats on the voxels of a grid |
 //! | `look`, `camera`, `visibility_mask` | how a scene is seen, from where, and the parts no eye sees |
 //! | `object_change` | [`ObjectChange`]: of the appearance of objects, as a flag has it |
@@ -38,6 +39,7 @@ pub mod budget;
 mod bumps;
 mod camera;
 mod decoded;
+mod detail;
 mod extents;
 mod frames;
 mod gpu_splats;
@@ -69,6 +71,7 @@ mod visibility_mask;
 pub use baked::{Baked, baked};
 pub use camera::{Camera, CameraFile, FOV_DEGREES, Fov};
 pub use decoded::{DecodeOptions, Decoded, decode, decode_as, decodes_every_voxel};
+pub use detail::FieldBudget;
 pub use extents::bounds;
 pub use frames::{Finished, Frame, Frames, IN_FLIGHT};
 pub use gpu_splats::{Decoding, GpuSplats, Precision};

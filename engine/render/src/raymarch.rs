@@ -115,7 +115,7 @@ impl Raymarch {
         let (volume, look) =
             (self.decoded.as_deref().unwrap_or_else(|| scene.expect_volume()), scene.look_buffers());
         // Splats of a hidden object are still in the decoded field.
-        let objects = match volume.is_atlas() {
+        let objects = match volume.atlas() > 0 {
             true if look.facts.own_functions => glsl::medium::OWN_FUNCTIONS,
             true if look.facts.objects_differ || look.facts.hides => glsl::medium::TINTS,
             _ => 0,
@@ -139,7 +139,7 @@ impl Raymarch {
         let (_, shaded) = settings.variant(scene);
         let constants = vec![
             u32::from(volume.image().format() == Format::Rg16),
-            u32::from(volume.is_atlas()),
+            volume.atlas(),
             objects,
             u32::from(settings.counting),
             u32::from(classification == Classification::PreIntegrated),

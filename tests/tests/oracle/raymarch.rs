@@ -88,8 +88,8 @@ struct Atlas {
     image: Image,
     places: Buffer<u32>,
     labels: Image,
-    /// Coordinates of the brick at each place.
-    bricks: Vec<[u32; 3]>,
+    /// Coordinates of the brick at each place, and its level.
+    bricks: Vec<[u32; 4]>,
     /// The voxel of the stage at each texel, if one is there.
     voxels: Vec<Option<usize>>,
 }
@@ -160,7 +160,10 @@ impl Stage {
         for (to, &i) in (1..).zip(&kept) {
             let place = [to % across, to / across % rows, to / (across * rows)];
             places[i] = (place[0] | place[1] << 10 | place[2] << 20) as u32;
-            at_place[to] = brick(i).map(|n| n as u32);
+            at_place[to] = {
+                let [x, y, z] = brick(i).map(|n| n as u32);
+                [x, y, z, 0]
+            };
             for (j, &voxel) in self.aproned(brick(i)).iter().enumerate() {
                 let x = place[0] * APRONED + j % APRONED;
                 let y = place[1] * APRONED + j / APRONED % APRONED;
@@ -405,7 +408,7 @@ fn gradient_source<'a>(
     GradientSource {
         grid: stage.bricks().0,
         medium: &atlas.image,
-        is_atlas: source != Source::Image,
+        atlas: u32::from(source != Source::Image),
         places: &atlas.places,
         labels: &atlas.labels,
         appearances: &look.appearances,

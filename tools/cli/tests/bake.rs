@@ -56,6 +56,12 @@ fn pictures_come_nearer_and_the_same_seed_gives_the_same_file() {
             "without light, from any side the same"
         );
     }
+    // Without steps there is no curve, so that one which is there does not matter.
+    let curve = folder.read("d.csv");
+    std::fs::remove_file(folder.path("d.ply")).expect("removed");
+    let ended =
+        folder.run(&["bake", "ours.ply", "-o", "d.ply", "--tf", "CT-Soft-Tissue", "--iterations", "0"]);
+    assert!(ended.code == 0 && folder.read("d.csv") == curve, "{}", ended.err);
 }
 
 #[test]

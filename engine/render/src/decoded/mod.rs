@@ -28,6 +28,7 @@ mod region;
 mod source;
 mod voxels;
 
+use super::detail::FieldBudget;
 use base::error::{Error, Kind, Result};
 use gpu::Gpu;
 use splat::SplatSet;
@@ -47,11 +48,26 @@ pub struct DecodeOptions {
     pub pitch: f64,
     /// Edges of a region.
     pub edges: Edges,
+    /// Most memory of the device that the field may take; `None` for as much as it needs.
+    pub budget: Option<FieldBudget>,
 }
 
 impl Default for DecodeOptions {
     fn default() -> Self {
-        DecodeOptions { pitch: 1.0, edges: Edges::default() }
+        DecodeOptions { pitch: 1.0, edges: Edges::default(), budget: None }
+    }
+}
+
+impl DecodeOptions {
+    /// Returns true if both are of the same field in as much memory, wherever it is seen from.
+    pub fn is_like(&self, other: &DecodeOptions) -> bool {
+        let bytes = |options: &DecodeOptions| options.budget.map(|budget| budget.bytes);
+        self.is_of_field(other) && bytes(self) == bytes(other)
+    }
+
+    /// Returns true if both are of the same field, whatever its memory.
+    pub(super) fn is_of_field(&self, other: &DecodeOptions) -> bool {
+        (self.pitch, self.edges) == (other.pitch, other.edges)
     }
 }
 
@@ -63,10 +79,10 @@ impl Default for DecodeOptions {
 /// # Errors
 /// If the pitch is below ¼ or above 16.
 pub fn decode(gpu: &Gpu, set: &SplatSet, pitch: f64) -> Result<Decoded> {
-    decode_as(gpu, set, &DecodeOptions { pitch, edges: Edges::Voxel })
+    decode_as(gpu, set, &DecodeOptions { pitch, edges: Edges::Voxel, budget: None })
 }
 
-/// Decodes a set as [`decode`] does, as `options` say.
+/// Decodes a set as [`decode`] does, as `options` say, all of it.
 ///
 /// # Errors
 /// Those of [`decode`].
@@ -104,7 +120,7 @@ impl Source {
         options: &DecodeOptions,
         going: &mut dyn FnMut(f64) -> bool,
     ) -> Result<Option<Decoded>> {
-        let DecodeOptions { pitch, edges } = *options;
+        let DecodeOptions { pitch, edges, budget: _ } = *options;
         check(pitch)?;
         if let (Some(region), Some(grid)) = (&self.region, &self.grid) {
             let decoded = self.decode_region(gpu, region, grid, edges, going)?;

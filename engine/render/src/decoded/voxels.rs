@@ -166,6 +166,15 @@ impl Decoded {
         Some((0..nx * ny * nz).into_par_iter().map(number).collect())
     }
 
+    /// Returns the greatest level of the bricks that hold a place, voxels from the first of the first brick on, and around it.
+    fn level_around(&self, levels: &[u8], place: UVec3) -> u8 {
+        let brick = (place / BRICK as u32).min(self.bricks - 1);
+        let (low, high) = (brick.saturating_sub(UVec3::ONE), (brick + 1).min(self.bricks - 1));
+        let rows = (low.z..=high.z).flat_map(|z| (low.y..=high.y).map(move |y| (y, z)));
+        let all = rows.flat_map(|(y, z)| (low.x..=high.x).map(move |x| UVec3::new(x, y, z)));
+        all.map(|brick| levels[place_of(self.bricks, brick)]).max().unwrap_or_default()
+    }
+
     /// Returns the number of bricks with samples. The atlas has those that hold anything, and their
     /// neighbours before them.
     pub fn brick_count(&self) -> usize {
@@ -173,8 +182,9 @@ impl Decoded {
     }
 
     /// Returns the intervals of intensity of the bricks by which empty space is skipped. An interval covers
-    /// all voxels that are read for places in the brick and up to a voxel away, as for a volume.
-    pub(crate) fn intervals(&self, grid: &BrickGrid) -> Vec<[f32; 2]> {
+    /// all voxels that are read for places in the brick and up to a voxel away, as for a volume. `levels` are those of the
+    /// bricks in the atlas.
+    pub(crate) fn intervals(&self, grid: &BrickGrid, levels: Option<&[u8]>) -> Vec<[f32; 2]> {
         let n = UVec3::from_array(grid.bricks);
         let last = UVec3::from_array(self.size).as_ivec3() - 1;
         (0..n.element_product())
@@ -182,8 +192,14 @@ impl Decoded {
             .map(|i| {
                 let brick = UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y));
                 let edge = UVec3::from_array(grid.shift.map(|s| 1 << s)).as_ivec3();
-                let from = brick.as_ivec3() * edge - 2;
-                let (from, to) = (from.clamp(IVec3::ZERO, last), (from + edge + 2).clamp(IVec3::ZERO, last));
+                // A texel of a coarser brick has means of its cells, and a place is between two of them.
+                let reach = match levels.map(|levels| self.level_around(levels, brick * edge.as_uvec3())) {
+                    None | Some(0) => 1,
+                    Some(level) => 2 << level,
+                };
+                let first = brick.as_ivec3() * edge - 1;
+                let (from, to) = (first - reach, first + edge + reach);
+                let (from, to) = (from.clamp(IVec3::ZERO, last), to.clamp(IVec3::ZERO, last));
                 let nothing = [f32::INFINITY, f32::NEG_INFINITY];
                 let (first, end) = (from + 1, to + 1);
                 let sampled =

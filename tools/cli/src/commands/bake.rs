@@ -107,13 +107,15 @@ the splats that it is made of.";
 pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
     let (splats, output) = (&arguments.splats, &arguments.output);
     let curves = [".csv", ".svg"].map(|ending| outputs::beside(output, ending));
-    let [table, plot] = &curves;
     let state = state_path(output);
     let force = arguments.force || arguments.resume;
     if !force {
         interrupted::check_none_left(std::slice::from_ref(&state))?;
     }
-    outputs::check(&[output, table, plot], &[splats], force)?;
+    let written: &[PathBuf] = if arguments.iterations > 0 { &curves } else { &[] };
+    let written: Vec<&Path> =
+        [output.as_path()].into_iter().chain(written.iter().map(PathBuf::as_path)).collect();
+    outputs::check(&written, &[splats], force)?;
     let set = splat::read(splats, &ReadOptions::default())?;
     splat::check_held(output, &SplatSet::default())?;
     if arguments.live {

@@ -14,7 +14,7 @@ use view::viewer::Start;
 use view::window;
 
 use crate::shared::failure::Stop;
-use crate::shared::flags::DeviceArguments;
+use crate::shared::flags::{DeviceArguments, bytes};
 use crate::shared::outputs;
 
 /// Shows splats, the volume they were fitted to, or both, in a window
@@ -44,6 +44,10 @@ pub struct ViewArguments {
     /// labels; may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...")]
     object: Vec<ObjectChange>,
+    /// Most memory of the device for the field of the splats, as 64M or 2G: what is far or out of sight is shown coarser where
+    /// that is too little, and becomes sharp when the view rests
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    field_memory: Option<u64>,
     /// At the end writes what was measured (JSON): times to the first picture, from edits to frames, of
     /// pictures
     #[arg(long, value_name = "FILE.json")]
@@ -115,6 +119,7 @@ impl ViewArguments {
         if !is_session {
             state.files = std::mem::take(&mut sorted.files);
         }
+        state.field_memory = self.field_memory;
         if self.volume.is_some() {
             state.files.volume.clone_from(&self.volume);
         }

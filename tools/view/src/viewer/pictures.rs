@@ -96,7 +96,8 @@ impl Viewer {
         };
         let shown = canvas.begin(setups, self.app.camera(), expected)?;
         for (&subject, mode) in &chosen {
-            if self.waits_for(subject, mode) || self.lacks_edges(canvas, subject) {
+            let lacks_detail = !fast && self.lacks_detail(canvas, subject);
+            if self.waits_for(subject, mode) || self.lacks_edges(canvas, subject) || lacks_detail {
                 self.decode(canvas, subject)?;
             }
             if subject == Subject::Volume {

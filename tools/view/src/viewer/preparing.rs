@@ -56,6 +56,13 @@ impl Viewer {
             && !(subject == Subject::Splats && self.error_shown)
     }
 
+    /// Returns true if a subject is shown by a field in too little memory for all of it, whose bricks are whole elsewhere.
+    pub(super) fn lacks_detail(&self, canvas: &Canvas, subject: Subject) -> bool {
+        let wanted = self.app.state.decoding();
+        wanted.budget.is_some()
+            && canvas.splats_of(subject).and_then(GpuSplats::decoded_as).is_some_and(|there| there != wanted)
+    }
+
     /// Returns true if the mode in which a subject is wanted is still to come, and `chosen` is shown meanwhile.
     pub(super) fn waits_for(&self, subject: Subject, chosen: &str) -> bool {
         chosen != self.wanted_mode(subject)

@@ -11,7 +11,7 @@ use engine::{Error, Kind, Result};
 
 use super::light::LightArguments;
 use super::values::{self, GradientOpacity, PictureSize};
-use crate::shared::flags::{Clip, DeviceArguments, between_slices, pair};
+use crate::shared::flags::{Clip, DeviceArguments, between_slices, bytes, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 use crate::shared::viewing::{Background, View, degrees, zoom};
 
@@ -144,6 +144,10 @@ pub struct RenderArguments {
     /// Renders at most so many splats: the most important ones of those that can be seen
     #[arg(long, value_name = "N", help_heading = "Quality", value_parser = clap::value_parser!(u32).range(1..))]
     pub splat_budget: Option<u32>,
+    /// Most memory of the device that mode decoded takes for the field, as 64M or 2G: what is far or out of sight is shown
+    /// coarser where that is too little
+    #[arg(long, value_name = "BYTES", help_heading = "Quality", value_parser = bytes)]
+    pub field_memory: Option<u64>,
     #[command(flatten)]
     pub turntable: TurntableArguments,
     #[command(flatten)]

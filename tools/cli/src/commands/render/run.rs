@@ -7,8 +7,8 @@ use engine::fidelity::{self, ShownError};
 use engine::gpu::Gpu;
 use engine::image::{ColourBar, file};
 use engine::render::{
-    Camera, DecodeOptions, Intensities, Look, ModeRow, OF_VOLUMES, ObjectChange, Renderer, Scene, Settings,
-    SplatKind, UsualLook, VolumeSource, mode,
+    Camera, DecodeOptions, FieldBudget, Intensities, Look, ModeRow, OF_VOLUMES, ObjectChange, Renderer,
+    Scene, Settings, SplatKind, UsualLook, VolumeSource, mode,
 };
 use engine::splat::{self, SplatSet};
 use engine::transfer::TransferFunction;
@@ -129,11 +129,12 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         scene.set_splat_budget(Some(budget as usize))?;
     }
     let camera = arguments.camera(&scene)?;
+    let budget = arguments.field_memory.map(|bytes| FieldBudget { bytes, camera });
     let settings = Settings {
         depth: arguments.output.wants_depth(),
         step: arguments.step.unwrap_or(row.step),
         cell: arguments.cell,
-        decoding: DecodeOptions { pitch: arguments.pitch, edges: arguments.edges },
+        decoding: DecodeOptions { pitch: arguments.pitch, edges: arguments.edges, budget },
         classification: arguments.classification.0,
         precise: true,
         ..Settings::new(size)

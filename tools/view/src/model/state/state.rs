@@ -6,7 +6,9 @@
 use std::path::Path;
 
 use engine::error::{Error, Kind, Result};
-use engine::render::{Appearance, ClipPlane, DecodeOptions, Look, OF_VOLUMES, ObjectChange, PLANES};
+use engine::render::{
+    Appearance, ClipPlane, DecodeOptions, FieldBudget, Look, OF_VOLUMES, ObjectChange, PLANES,
+};
 use engine::splat;
 use engine::transfer::{Light, TransferFunction};
 use engine::volume::edges::Edges;
@@ -53,6 +55,10 @@ pub struct ViewState {
     /// Edges of binary regions.
     #[serde(default, skip_serializing_if = "is_first")]
     pub edges: Edges,
+    /// Most bytes of the device's memory for the decoded field; `None` for as many as it takes. Not in a session: it is of
+    /// the machine.
+    #[serde(skip)]
+    pub field_memory: Option<u64>,
     /// Background: red, green, blue from 0 to 1.
     #[serde(default)]
     pub background: DVec3,
@@ -341,6 +347,7 @@ impl ViewState {
             mode: SplatMode::default(),
             split: None,
             edges: Edges::default(),
+            field_memory: None,
             background: DVec3::ZERO,
             files: Files::default(),
             orbit: Orbit::default(),
@@ -359,9 +366,11 @@ impl ViewState {
         }
     }
 
-    /// Returns how splats are decoded.
+    /// Returns how splats are decoded. What is near and seen follows from a picture that is nearly twice as wide as high,
+    /// as windows are.
     pub fn decoding(&self) -> DecodeOptions {
-        DecodeOptions { pitch: 1.0, edges: self.edges }
+        let budget = |bytes| FieldBudget { bytes, camera: self.orbit.camera(16.0 / 9.0) };
+        DecodeOptions { pitch: 1.0, edges: self.edges, budget: self.field_memory.map(budget) }
     }
 
     /// Returns the subjects of the picture that are `there`: the one that is shown, or, if the picture is split,
