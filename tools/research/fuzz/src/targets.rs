@@ -3,6 +3,7 @@
 use std::io::{Cursor, Read};
 use std::sync::LazyLock;
 
+use engine::bake::BakeState;
 use engine::fit::{FitConfig, FitState};
 use engine::input::Input;
 use engine::render::CameraFile;
@@ -82,6 +83,7 @@ pub const TARGETS: &[Target] = &[
     Target { mend: seeds::png_sums, ..reader("png", "png", seeds::png, picture) },
     reader("exr", "exr", seeds::exr, picture),
     Target { mend: seeds::state_sum, ..reader("state", "state", seeds::state, fit_state) },
+    Target { mend: seeds::state_sum, ..reader("bake-state", "state", seeds::bake_state, bake_state) },
     reader("config", "toml", config_seeds, config),
     reader("session", "toml", session_seeds, session),
     reader("settings", "toml", settings_seeds, settings),
@@ -145,6 +147,10 @@ fn transfer_function(input: &Input) -> Result<()> {
 
 fn picture(input: &Input) -> Result<()> {
     image::read(input.name()).map(drop)
+}
+
+fn bake_state(input: &Input) -> Result<()> {
+    BakeState::read(input.name()).map(drop)
 }
 
 fn fit_state(input: &Input) -> Result<()> {

@@ -277,18 +277,38 @@ pub fn exr() -> Vec<Vec<u8>> {
 
 /// A paused fit of two splats.
 pub fn state() -> Vec<Vec<u8>> {
-    let notes = br#"{"a": 1}"#;
-    let words: Vec<u8> = [3u32, 0, 0, 0].iter().flat_map(|word| word.to_le_bytes()).collect();
+    let words: Vec<u8> = [3u32, 0, 0, 2].iter().flat_map(|word| word.to_le_bytes()).collect();
     let row = [0u8; 4 * (12 + 11 + 11 + 2)];
-    let parts: [&[u8]; 6] = [
-        b"vgs-state-2\n",
-        &(notes.len() as u64).to_le_bytes(),
-        notes,
-        &words,
-        &[2u64.to_le_bytes(), 2u64.to_le_bytes()].concat(),
-        &row.repeat(2),
+    vec![state_of("vgs-state-3", &[br#"{"a": 1}"#, &words, &row.repeat(2)])]
+}
+
+/// The state of baking two splats, with a coefficient each.
+pub fn bake_state() -> Vec<Vec<u8>> {
+    let numbers = |count: usize| 1.0f64.to_le_bytes().repeat(count);
+    let floats = |count: usize| vec![0u8; 2 * 4 * count];
+    let parts = [
+        br#"{"a": "1"}"#.to_vec(),
+        numbers(3),
+        numbers(1),
+        numbers(2),
+        numbers(5),
+        floats(1),
+        floats(12),
+        floats(11),
+        floats(11),
+        floats(2),
+        floats(3),
+        floats(3),
+        floats(3),
     ];
-    vec![summed(&parts.concat())]
+    vec![state_of("vgs-bake-state-1", &parts.each_ref().map(Vec::as_slice))]
+}
+
+/// A state of this kind with these parts.
+fn state_of(kind: &str, parts: &[&[u8]]) -> Vec<u8> {
+    let told = |part: &&[u8]| [&(part.len() as u64).to_le_bytes()[..], part].concat();
+    let body: Vec<u8> = parts.iter().flat_map(told).collect();
+    summed(&[kind.as_bytes(), b"\n", &body].concat())
 }
 
 /// Returns the bytes with their checksum behind them.
