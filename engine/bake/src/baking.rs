@@ -94,8 +94,8 @@ pub struct Trained {
 /// given as `resumed`, with the same set, look and options, for the splats of baking that never stopped, bit for bit.
 ///
 /// # Errors
-/// Those of [`render::baked`](fn@render::baked) and [`Options::check`], of another state ([`Kind::BadData`]), and those of the device, as of too many splats for
-/// its buffers ([`Kind::Temporary`]).
+/// Those of [`render::baked`](fn@render::baked) and [`Options::check`], of the state of something else
+/// ([`Kind::BadData`]), and those of the device, as of too many splats for its buffers ([`Kind::Temporary`]).
 pub fn bake(
     gpu: &Gpu,
     set: &SplatSet,
@@ -115,7 +115,8 @@ pub fn bake(
     let unfinished = |out, rows| {
         let rendering_s = begun.elapsed().as_secs_f64();
         let report = Report { rendering_s, ..Report::default() };
-        Ok(Baked { set: out, rows, hidden, report, unfinished: None })
+        // What was done before is not lost.
+        Ok(Baked { set: out, rows, hidden, report, unfinished: resumed.cloned() })
     };
     if out.splats.is_empty() {
         return unfinished(out, rows);
@@ -161,19 +162,18 @@ pub fn train(
     let mut report = Report::default();
     let mut grown = 0;
     let mut behind = 0.0;
-    let begun = match resumed {
+    match resumed {
         Some(state) => {
             training.resume(state)?;
             (report.before, report.curve) = (state.before.clone(), state.curve.clone());
             (grown, behind) = (state.grown as usize, state.seconds);
-            Instant::now()
         }
         None => {
             report.before = training.psnr(held_out)?;
             report.curve.push(curve_point(&training, 0.0, &report.before));
-            Instant::now()
         }
-    };
+    }
+    let begun = Instant::now();
     let seconds = || behind + begun.elapsed().as_secs_f64();
     let count = first.splats.len();
     let most = options.max_splats.unwrap_or(GROWTH * count).max(count);

@@ -22,7 +22,7 @@ pub struct FieldBudget {
     pub camera: Camera,
 }
 
-/// What counts as much as a brick that is seen, where one is not: it is near, and the eye may turn.
+/// What a brick that is out of sight counts of one that is seen: the eye may turn.
 const UNSEEN: f64 = 1.0 / 64.0;
 
 /// A brick of some level.
@@ -105,8 +105,7 @@ pub(super) fn seen_size(camera: &Camera, eye: DVec3, middle: DVec3, radius: f64)
 
 impl Decoded {
     /// Returns V and O as fractions of a texel at a voxel of the box, and its label: what the voxel has, or the means
-    /// of all within `stride`. O is that of the box, so that nothing thin is missed; V is weighted by O, so that nothing empty is
-    /// mixed in.
+    /// of all within `stride`. V is weighted by O, so that nothing empty is mixed in.
     pub(super) fn texel(&self, voxel: IVec3, stride: i32) -> ([u16; 2], u8) {
         let label_of = |sample: usize| self.labels.as_ref().map_or(self.label, |labels| labels[sample]);
         if stride == 1 {

@@ -276,12 +276,16 @@ fn interrupted_baking_goes_on_to_the_same_bytes() {
     assert!(other.code == 2 && other.err.contains("--seed was 0 and is now 1"), "{}", other.err);
     let other = folder.run(&long(&["--resume", "--shade", "off"]));
     assert!(other.code == 2 && other.err.contains("the look differs"), "{}", other.err);
+    // Stopped again, be it before the first step: what was done is not lost.
+    let child = folder.start(&long(&["--resume"]));
+    std::thread::sleep(Duration::from_millis(300));
+    send(&child, "-INT");
+    finish(child);
+    assert!(folder.path("part.spz.state").exists(), "there is still something to go on from");
     let resumed = folder.run(&long(&["--resume"]));
     assert_eq!(resumed.code, 0, "{}", resumed.err);
     assert!(!folder.path("part.spz.state").exists(), "baking that is done needs no state");
     assert_eq!(folder.text("part.spz.csv").lines().count(), 7, "the curve has all points");
-    let whole: Vec<&str> =
-        long(&[]).into_iter().map(|word| if word == "part.spz" { "whole.spz" } else { word }).collect();
-    assert_eq!(folder.run(&whole).code, 0);
+    assert_eq!(folder.run(&to("whole.spz", &[])).code, 0);
     assert!(folder.read("part.spz") == folder.read("whole.spz"), "the same bytes");
 }
