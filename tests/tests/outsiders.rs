@@ -9,18 +9,12 @@ use std::process::{Command, Stdio};
 
 #[test]
 fn vgs_reads_what_other_programs_read() {
-    let root = Path::new(env!("CARGO_MANIFEST_DIR")).parent().expect("the repository");
-    let asked = Command::new(root.join("tools/setup")).args(["--where", "outsiders"]).output().expect("bash");
-    let python = String::from_utf8_lossy(&asked.stdout).trim().to_owned();
-    if !Path::new(&python).exists() {
-        eprintln!("left out: the other programs are not there; `tools/setup outsiders` gets them");
-        return;
-    }
+    let Some(python) = super::set_up("outsiders") else { return };
     let voxels = Path::new(env!("CARGO_BIN_EXE_voxels"));
     // The program itself, where it is built too, as by a test run of the workspace.
     let vgs = voxels.with_file_name("vgs").with_extension(std::env::consts::EXE_EXTENSION);
     let mut command = Command::new(python);
-    command.env("PYTHONDONTWRITEBYTECODE", "1").arg(root.join("tests/outsiders")).arg(voxels);
+    command.env("PYTHONDONTWRITEBYTECODE", "1").arg(super::root().join("tests/outsiders")).arg(voxels);
     if vgs.exists() {
         command.arg("--vgs").arg(vgs);
     }
