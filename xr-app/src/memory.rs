@@ -1,16 +1,16 @@
-//! Keeps the memory of the device within a budget of bytes: first splats are packed; then a decoded field has
-//! coarser voxels, of other splats the least important ones are left out.
+//! Keeps the memory of the device within a budget of bytes: first splats are packed; then parts of a decoded field
+//! are coarser, of other splats the least important ones are left out.
 
 use engine::gpu::Gpu;
-use engine::render::{Precision, SplatKind};
+use engine::render::{FieldBudget, Precision, SplatKind};
 use engine::splat::SplatSet;
 use engine::{Error, Kind, Result};
 
-/// Part of the budget that the remaining splats should take, by estimate, when splats are left out; so
+/// The purposes of a decoded field's memory.
+const FIELD: [&str; 2] = ["decoded field", "gradients"];
+/// Part of the budget that the remaining splats, or the field, should take, by estimate, when something is given up; so
 /// another round is seldom needed.
 const MARGIN: f64 = 0.95;
-/// The coarsest voxels of a decoded field.
-const COARSEST: f64 = 16.0;
 
 /// What a budget leaves of a scene.
 pub struct Kept<'a> {
@@ -18,8 +18,8 @@ pub struct Kept<'a> {
     pub set: &'a SplatSet,
     /// Precision of the splats.
     pub precision: Precision,
-    /// [`engine::render::DecodeOptions::pitch`].
-    pub pitch: f64,
+    /// [`engine::render::DecodeOptions::budget`].
+    pub field: Option<FieldBudget>,
     /// What was given up, in words.
     pub given_up: Option<String>,
 }
@@ -34,21 +34,28 @@ pub fn within<T>(
     mut make: impl FnMut(&Kept<'_>) -> Result<T>,
 ) -> Result<T> {
     let (all, kind) = (set.splats.len(), SplatKind::of(&set));
-    let (mut precision, mut pitch) = (Precision::Full, 1.0);
+    let mut precision = Precision::Full;
+    // For the field: its budget, and what there was with it.
+    let mut field: Option<(FieldBudget, f64)> = None;
     loop {
         let count = set.splats.len();
         let given_up = if count < all {
             Some(format!(
                 "{count} of {all} splats fit into the memory budget; the least important are left out"
             ))
-        } else if pitch > 1.0 {
-            Some(format!("to keep to the memory budget, {pitch}³ voxels are shown as one"))
+        } else if field.is_some() {
+            Some("parts of the field are coarser, to keep to the memory budget".to_owned())
         } else if precision == Precision::Packed {
             Some("splats are packed, to keep to the memory budget".to_owned())
         } else {
             None
         };
-        let made = make(&Kept { set: &set, precision, pitch, given_up: given_up.clone() })?;
+        let made = make(&Kept {
+            set: &set,
+            precision,
+            field: field.map(|(budget, _)| budget),
+            given_up: given_up.clone(),
+        })?;
         let Some(budget) = budget_mib.map(bytes) else { return Ok(made) };
         let used = used(gpu);
         if used <= budget {
@@ -57,13 +64,19 @@ pub fn within<T>(
             }
             return Ok(made);
         }
+        let of_field = FIELD.iter().filter_map(|&purpose| gpu.memory_by_purpose().get(purpose).copied());
+        let of_field = of_field.sum::<u64>() as f64;
         drop(made);
         gpu.wait_idle()?;
         let fewer = (set.splats.len() as f64 * (budget / used).min(1.0) * MARGIN) as usize;
+        // What everything else leaves of the budget; less than before, if that was too much.
+        let room = (budget - (used - of_field)).min(of_field) * MARGIN;
         match kind {
             _ if precision == Precision::Full && kind != SplatKind::Coloured => precision = Precision::Packed,
-            // A splat less would be a hole in what is shown.
-            SplatKind::Grid if pitch < COARSEST => pitch *= 2.0,
+            // A splat less would be a hole in what is shown. The wearer may look from anywhere.
+            SplatKind::Grid if room > 0.0 && field.is_none_or(|(_, before)| used < before) => {
+                field = Some((FieldBudget { bytes: room as u64, camera: None }, used));
+            }
             SplatKind::Field | SplatKind::Coloured if fewer > 0 && set.splats.len() > 1 => {
                 set.truncate(fewer)
             }

@@ -170,7 +170,7 @@ fn show(
         // Memory budgets keep the first splats, which are the most important ones.
         Content::Splats(splats) => memory::within(gpu, arguments.memory_budget, splats.set, |kept| {
             let scene = Scene::with_precision(gpu, Some(kept.set), None, &look, kept.precision)?;
-            let decoding = DecodeOptions { pitch: kept.pitch, ..options.decoding };
+            let decoding = DecodeOptions { budget: kept.field, ..options.decoding };
             let options = Options { decoding, given_up: kept.given_up.clone(), ..options.clone() };
             let mut viewer = Viewer::new(gpu, scene, headset, options)?;
             viewer.set_pick_data(PickData::of(kept.set));

@@ -22,8 +22,8 @@ const MOST_ALONG: u32 = (1 << glsl::PLACE_BITS) - 1;
 const TEXEL_BYTES: u64 = 4 + 8;
 const LABEL_BYTES: u64 = 2;
 
-/// Tells how much a brick counts, by its middle and its radius, voxels of the box.
-pub(super) type Priority<'a> = dyn Fn(DVec3, f64) -> f64 + 'a;
+/// Tells how large a brick is seen, by its middle and radius, voxels of the box.
+pub(super) type SeenSize<'a> = dyn Fn(DVec3, f64) -> f64 + 'a;
 
 /// A volume image of bricks, each with its apron.
 pub(super) struct Atlas {
@@ -52,7 +52,7 @@ impl Decoded {
     /// Returns the atlas for an image of at most `edge` texels along an axis. Its first brick is empty. Where it would take
     /// more than so many bytes, the bricks that count least are coarser ([`chosen`]): of the device's memory, with what
     /// gradients take.
-    pub(super) fn atlas(&self, edge: u32, budget: Option<(u64, &Priority<'_>)>) -> Result<Atlas> {
+    pub(super) fn atlas(&self, edge: u32, budget: Option<(u64, &SeenSize<'_>)>) -> Result<Atlas> {
         let count = self.bricks.element_product();
         let n = self.bricks;
         let brick_of = |i: u32| UVec3::new(i % n.x, i / n.x % n.y, i / (n.x * n.y));
@@ -73,12 +73,16 @@ impl Decoded {
             .collect();
         let most_along = (edge / APRONED as u32).min(MOST_ALONG);
         let nodes = match budget {
-            Some((bytes, priority)) => {
+            Some((bytes, seen)) => {
                 let texel = TEXEL_BYTES + if self.labels.is_some() { LABEL_BYTES } else { 0 };
                 let most = bytes / (texel * APRONED.pow(3) as u64);
-                chosen(&kept, places_within(most.min(u64::from(u32::MAX)) as u32, most_along), priority)
+                let most = places_within(most.min(u64::from(u32::MAX)) as u32, most_along);
+                // Where all are whole, nobody asks.
+                let contrast = |brick: UVec3| if kept.len() > most { self.contrast(brick) } else { 0.0 };
+                let kept: Vec<_> = kept.par_iter().map(|&brick| (brick, contrast(brick))).collect();
+                chosen(&kept, most, seen)
             }
-            None => chosen(&kept, usize::MAX, &|_, _| 0.0),
+            None => kept.iter().map(|brick| Node { level: 0, brick: brick.to_array() }).collect(),
         };
         let has_levels = nodes.iter().any(|node| node.level > 0);
         let bricks = atlas_bricks(nodes.len() as u32 + 1, most_along)?;

@@ -1,29 +1,32 @@
-//! Which bricks of a decoded field the device has whole, where its memory is not for all of them: those that are seen
-//! and near come first. All others are there in coarser ones, so that nowhere is a hole.
+//! Which bricks of a decoded field the device has whole, where its memory is not for all of them: those that have much to
+//! show, and are seen and near, come first. All others are there in coarser ones, so that nowhere is a hole.
 //!
 //! A brick of level l stands for 2^l bricks along each axis, has as many texels as any other, and takes every 2^l-th voxel:
 //! the mean around it, by a tent that ends at the next ones.
 
-use std::collections::{BTreeSet, BinaryHeap};
+use std::collections::{BTreeMap, BinaryHeap};
 
-use glam::{DVec3, IVec3, UVec3};
+use glam::{DVec2, DVec3, IVec3, UVec3};
 use shaders_glsl::medium::MOST_LEVEL;
 
 use super::camera::{Camera, Fov};
 use super::decoded::Decoded;
-use volume::bricks::BRICK;
+use volume::bricks::{BRICK, SAMPLES, brick_voxel};
 
-/// The memory of the device that is for a decoded field, and from where the field is seen.
+/// The memory of the device that is for a decoded field, and from where the field is seen: `None` if from anywhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldBudget {
     /// Most bytes, but for what a driver adds to images; the coarsest bricks are there even if they take more.
     pub bytes: u64,
     /// The eye, in the world, mm RAS.
-    pub camera: Camera,
+    pub camera: Option<Camera>,
 }
 
 /// What a brick that is out of sight counts of one that is seen: the eye may turn.
 const UNSEEN: f64 = 1.0 / 64.0;
+
+/// The contrast of a brick that is the same all over.
+const EVEN: f64 = 1e-3;
 
 /// A brick of some level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -45,23 +48,34 @@ impl Node {
     }
 }
 
-/// Returns the bricks for at most `most` places, of which `kept` hold anything; the coarsest ones even if they are more.
-/// `priority` is asked for the middle, voxels of the box, and the radius, voxels, of a brick.
-pub(super) fn chosen(kept: &[UVec3], most: usize, priority: &dyn Fn(DVec3, f64) -> f64) -> Vec<Node> {
+/// Returns the bricks for at most `most` places, of which `kept` hold anything, each with its contrast; the coarsest ones
+/// even if they are more. `seen` tells how large a brick is seen, by its middle and radius, voxels of the box.
+pub(super) fn chosen(kept: &[(UVec3, f64)], most: usize, seen: &dyn Fn(DVec3, f64) -> f64) -> Vec<Node> {
     if kept.len() <= most {
-        return kept.iter().map(|brick| Node { level: 0, brick: brick.to_array() }).collect();
+        return kept.iter().map(|(brick, _)| Node { level: 0, brick: brick.to_array() }).collect();
     }
-    // By level, the first bricks of those that hold anything.
-    let first = |brick: UVec3, level: u32| (brick >> level << level).to_array();
-    let levels: Vec<BTreeSet<[u32; 3]>> =
-        (0..=MOST_LEVEL).map(|level| kept.iter().map(|&brick| first(brick, level)).collect()).collect();
+    // By level, the first bricks of those that hold anything, with the contrast of all.
+    let levels: Vec<BTreeMap<[u32; 3], f64>> = (0..=MOST_LEVEL)
+        .map(|level| {
+            let mut contrasts = BTreeMap::new();
+            for &(brick, contrast) in kept {
+                *contrasts.entry((brick >> level << level).to_array()).or_default() += contrast;
+            }
+            contrasts
+        })
+        .collect();
     // The greatest priority first; of equals any, but always the same.
     let queued = |node: Node| {
         let half = 0.5 * f64::from(BRICK as i32 * node.stride());
         let middle = node.first_voxel().as_dvec3() + half;
-        (priority(middle, half * 3f64.sqrt()).to_bits(), node)
+        let radius = half * 3f64.sqrt();
+        // As many of its bricks have something in a surface.
+        let bricks = f64::from(node.stride()).powi(2);
+        // What is near hides what is far, so contrast counts little beside it: as measured on bones and on organs.
+        let contrast = (levels[node.level as usize][&node.brick] / bricks).powf(0.25);
+        ((seen(middle, radius) * contrast).to_bits(), node)
     };
-    let coarsest = levels[MOST_LEVEL as usize].iter().map(|&brick| Node { level: MOST_LEVEL, brick });
+    let coarsest = levels[MOST_LEVEL as usize].keys().map(|&brick| Node { level: MOST_LEVEL, brick });
     let mut waiting: BinaryHeap<(u64, Node)> = coarsest.map(queued).collect();
     let mut count = waiting.len();
     let mut made = Vec::new();
@@ -71,7 +85,7 @@ pub(super) fn chosen(kept: &[UVec3], most: usize, priority: &dyn Fn(DVec3, f64) 
             level => (0..8)
                 .map(|corner| UVec3::new(corner & 1, corner >> 1 & 1, corner >> 2) << (level - 1))
                 .map(|shift| (UVec3::from_array(node.brick) + shift).to_array())
-                .filter(|brick| levels[level as usize - 1].contains(brick))
+                .filter(|brick| levels[level as usize - 1].contains_key(brick))
                 .map(|brick| Node { level: level - 1, brick })
                 .collect(),
         };
@@ -86,8 +100,8 @@ pub(super) fn chosen(kept: &[UVec3], most: usize, priority: &dyn Fn(DVec3, f64) 
     made
 }
 
-/// Returns how much a ball counts, seen by a camera: by the angle under which it is seen, and less if it is out of sight.
-/// All are in the space of the camera's eye. Never negative.
+/// Returns how large a ball is seen by a camera: by its angle, and less if it is out of sight. All are in the space of the
+/// camera's eye. Never negative.
 pub(super) fn seen_size(camera: &Camera, eye: DVec3, middle: DVec3, radius: f64) -> f64 {
     let away = middle - eye;
     let distance = away.length();
@@ -104,6 +118,24 @@ pub(super) fn seen_size(camera: &Camera, eye: DVec3, middle: DVec3, radius: f64)
 }
 
 impl Decoded {
+    /// Returns how much V and O differ from voxel to voxel in a brick: a sum of squares, V as fractions of its range and
+    /// weighted by O. Never 0, so that what is even counts by its size.
+    pub(super) fn contrast(&self, brick: UVec3) -> f64 {
+        let whole = f64::from(u16::MAX);
+        let shown = |voxel: IVec3| {
+            let [v, o] = self.at(voxel).map(|fraction| f64::from(fraction) / whole);
+            DVec2::new(o * v, o)
+        };
+        let first = Node { level: 0, brick: brick.to_array() }.first_voxel();
+        let mut sum = EVEN;
+        for i in 0..SAMPLES {
+            let voxel = first + brick_voxel(i).as_ivec3();
+            let here = shown(voxel);
+            sum += IVec3::AXES.iter().map(|&axis| (shown(voxel + axis) - here).length_squared()).sum::<f64>();
+        }
+        sum
+    }
+
     /// Returns V and O as fractions of a texel at a voxel of the box, and its label: what the voxel has, or the means
     /// of all within `stride`. V is weighted by O, so that nothing empty is mixed in.
     pub(super) fn texel(&self, voxel: IVec3, stride: i32) -> ([u16; 2], u8) {
@@ -145,18 +177,20 @@ impl Decoded {
 
 #[cfg(test)]
 mod tests {
+    use std::collections::BTreeSet;
+
     use glam::DAffine3;
 
     use super::*;
     use crate::scale::Scale;
-    use volume::bricks::{SAMPLES, brick_voxel};
 
     /// Whatever the room, each brick that holds anything is in one that was chosen, and no two of these overlap.
     #[test]
     fn bricks_that_are_chosen_cover_all_once_and_near_ones_are_whole() {
-        let kept: Vec<UVec3> = (0..20 * 17 * 9)
+        let kept: Vec<(UVec3, f64)> = (0..20 * 17 * 9)
             .map(|i| UVec3::new(i % 20, i / 20 % 17, i / 340))
             .filter(|brick| (brick.x * 7 + brick.y * 3 + brick.z * 5) % 4 != 0)
+            .map(|brick| (brick, 1.0))
             .collect();
         let eye = DVec3::new(100.0, 20.0, 30.0);
         let near = |middle: DVec3, radius: f64| radius / (middle - eye).length().max(radius);
@@ -165,17 +199,17 @@ mod tests {
             let holds = |node: &Node, brick: UVec3| {
                 brick >> node.level << node.level == UVec3::from_array(node.brick)
             };
-            for &brick in &kept {
+            for &(brick, _) in &kept {
                 assert_eq!(nodes.iter().filter(|node| holds(node, brick)).count(), 1, "{brick} of {most}");
             }
             let coarsest =
-                kept.iter().map(|&brick| (brick >> MOST_LEVEL).to_array()).collect::<BTreeSet<_>>();
+                kept.iter().map(|(brick, _)| (*brick >> MOST_LEVEL).to_array()).collect::<BTreeSet<_>>();
             assert!(nodes.len() <= most.max(coarsest.len()), "{} of {most}", nodes.len());
             assert!(nodes.len() + 7 > most || most < coarsest.len(), "{} of {most}", nodes.len());
             assert_eq!(nodes, chosen(&kept, most, &near), "always the same");
             if most >= 300 {
                 let under_eye = ((eye + 1.0) / BRICK as f64).as_uvec3();
-                let around = kept.iter().copied().find(|&brick| brick == under_eye).expect("a brick");
+                let (around, _) = kept.iter().find(|(brick, _)| *brick == under_eye).expect("a brick");
                 assert!(nodes.contains(&Node { level: 0, brick: around.to_array() }), "near, of {most}");
             }
         }
@@ -185,13 +219,23 @@ mod tests {
     fn what_is_out_of_sight_counts_less() {
         let fov = Fov::symmetric(40.0, 1.5);
         let camera = Camera { eye: DVec3::splat(9e9), right: DVec3::X, up: DVec3::Y, fov };
-        let size = |middle: [f64; 3]| seen_size(&camera, DVec3::ZERO, DVec3::from_array(middle), 1.0);
+        let size = |middle: DVec3| seen_size(&camera, DVec3::ZERO, middle, 1.0);
         let ahead = camera.forward() * 10.0;
-        assert_eq!(size(ahead.to_array()), 0.1);
-        assert_eq!(size((2.0 * ahead).to_array()), 0.05);
-        assert_eq!(size((-ahead).to_array()), 0.1 * UNSEEN);
-        assert!(size((ahead + DVec3::X * 5.0).to_array()) > 0.05, "at the right edge");
-        assert_eq!(size([0.5, 0.0, 0.0]), 1.0, "the eye is in it");
+        assert_eq!(size(ahead), 0.1);
+        assert_eq!(size(2.0 * ahead), 0.05);
+        assert_eq!(size(-ahead), 0.1 * UNSEEN);
+        assert!(size(ahead + DVec3::X * 5.0) > 0.05, "at the right edge");
+        assert_eq!(size(DVec3::X / 2.0), 1.0, "the eye is in it");
+    }
+
+    /// What has much to show is whole, what is even is coarse.
+    #[test]
+    fn contrast_comes_first() {
+        let at = |i: u32| UVec3::new(i % 8, i / 8 % 8, i / 64);
+        let kept: Vec<_> = (0..512).map(|i| (at(i), if i == 77 { 1.0 } else { EVEN })).collect();
+        let nodes = chosen(&kept, 22, &|_, radius| radius);
+        assert_eq!(nodes.len(), 22);
+        assert!(nodes.contains(&Node { level: 0, brick: at(77).to_array() }));
     }
 
     /// A texel of a coarser brick has the means around it: of what is linear, what is there.

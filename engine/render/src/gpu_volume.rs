@@ -19,7 +19,7 @@ use shaders_glsl::medium;
 use shaders_glsl::types::BrickGrid;
 
 use super::atlas::ALONE;
-use super::atlas::Priority;
+use super::atlas::SeenSize;
 use super::decoded::Decoded;
 use super::detail::{FieldBudget, seen_size};
 use super::look::LookBuffers;
@@ -346,14 +346,14 @@ impl GpuVolume {
         let size = field.size.map(|n| n as usize);
         let spacing = volume::spacing_of(&field.scene_from_voxel);
         let grid = brick_grid(size, spacing);
-        let priority = |middle: DVec3, radius: f64| match budget {
-            Some(FieldBudget { camera, .. }) => {
+        let seen = |middle: DVec3, radius: f64| match budget {
+            Some(FieldBudget { camera: Some(camera), .. }) => {
                 let middle = field.scene_from_voxel.transform_point3(middle);
                 seen_size(camera, camera.eye - origin, middle, radius * spacing.max_element())
             }
-            None => 0.0,
+            _ => radius,
         };
-        let budget = budget.map(|budget| (budget.bytes, &priority as &Priority<'_>));
+        let budget = budget.map(|budget| (budget.bytes, &seen as &SeenSize<'_>));
         let atlas = field.atlas(gpu.limits().volume_edge, budget)?;
         let mut image = gpu.volume("atlas", "decoded field", Format::Rg16, atlas.size)?;
         image.write(&atlas.texels)?;

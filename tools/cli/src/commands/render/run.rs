@@ -129,7 +129,7 @@ pub fn run(arguments: &RenderArguments, console: &Console) -> std::result::Resul
         scene.set_splat_budget(Some(budget as usize))?;
     }
     let camera = arguments.camera(&scene)?;
-    let budget = arguments.field_memory.map(|bytes| FieldBudget { bytes, camera });
+    let budget = arguments.field_memory.map(|bytes| FieldBudget { bytes, camera: Some(camera) });
     let settings = Settings {
         depth: arguments.output.wants_depth(),
         step: arguments.step.unwrap_or(row.step),

@@ -369,7 +369,7 @@ impl ViewState {
     /// Returns how splats are decoded. What is near and seen follows from a picture that is nearly twice as wide as high,
     /// as windows are.
     pub fn decoding(&self) -> DecodeOptions {
-        let budget = |bytes| FieldBudget { bytes, camera: self.orbit.camera(16.0 / 9.0) };
+        let budget = |bytes| FieldBudget { bytes, camera: Some(self.orbit.camera(16.0 / 9.0)) };
         DecodeOptions { pitch: 1.0, edges: self.edges, budget: self.field_memory.map(budget) }
     }
 
