@@ -14,7 +14,7 @@ use glam::DVec3;
 use super::harmonics::basis_count;
 use super::{Field, Form, Harmonics, Region, RegionObject, SplatSet, Voxels, label_name};
 use base::error::{Error, Kind, Result};
-use base::names;
+use base::{memory, names};
 
 /// Most objects of a joined set: the number of labels other than 0.
 pub const MOST_OBJECTS: usize = 255;
@@ -162,8 +162,7 @@ pub(crate) fn merged(sets: Vec<SplatSet>) -> Result<SplatSet> {
     let sets: Vec<_> = sets.into_iter().map(|set| (String::new(), set)).collect();
     let lead = sets[0].1.field;
     let regions: Vec<Region> = sets.iter().filter_map(|(_, set)| set.region.clone()).collect();
-    let region = Region::joined(&regions)
-        .ok_or_else(|| Error::new(Kind::Internal, "VGS-SPLAT-012", "objects without numbers"))?;
+    let region = region_of_all(&regions)?;
     let all: Vec<&Vec<u8>> = sets.iter().filter_map(|(_, set)| set.labels.as_ref()).collect();
     let labels = (!all.is_empty()).then(|| all.into_iter().flatten().copied().collect());
     let names = sets.iter().flat_map(|(_, set)| set.label_names.iter().cloned());
@@ -197,8 +196,17 @@ fn joined_region(sets: &[(String, SplatSet)], of_set: &[[usize; 256]]) -> Result
         .collect::<Result<Vec<_>>>()
         .map(|all| all.into_iter().collect());
     let Some(regions) = regions? else { return Ok(None) };
-    let joined = Region::joined(&regions);
-    joined.map(Some).ok_or_else(|| Error::new(Kind::Internal, "VGS-SPLAT-012", "objects without numbers"))
+    region_of_all(&regions).map(Some)
+}
+
+/// Returns [`Region::joined`] of all.
+///
+/// # Errors
+/// [`Kind::HostMemory`] if memory does not hold the box around them, however little of it is theirs.
+fn region_of_all(regions: &[Region]) -> Result<Region> {
+    memory::require(Region::joined_bytes(regions), "the box around all regions")?;
+    Region::joined(regions)
+        .ok_or_else(|| Error::new(Kind::Internal, "VGS-SPLAT-012", "objects without numbers"))
 }
 
 /// Returns why two sets do not add up to one field and what to do about it, or `None` if they do.
@@ -417,6 +425,14 @@ mod tests {
         let named_so = |number, name: &str, splats| (number, name.to_owned(), splats);
         let expected = [named_so(1, "a/label 5", 1), named_so(2, "a/label 6", 0), named_so(3, "b", 1)];
         assert_eq!(names, expected, "a structure without splats has its voxels");
+        // Two voxels, so far apart that no memory holds the box around them.
+        let one = of(1 << 20, &[([0; 3], 0)]);
+        let [near, far] = [0, (1 << 20) - 1].map(|at| SplatSet {
+            region: one.region.clone().map(|region| region.within([at; 3])),
+            ..one.clone()
+        });
+        let error = join(named(&[("near", &near), ("far", &far)])).expect_err("too large");
+        assert_eq!(error.kind, Kind::HostMemory, "{error}");
         let error = join(named(&[("a", &a), ("b", &of(5, &[([0; 3], 0)]))])).expect_err("two grids");
         assert!(
             error.message.contains("different grids") && error.help.contains("--profile field"),

@@ -155,12 +155,24 @@ impl Region {
         Some(Region { kinds, objects: objects.into_keys().collect(), ..*self })
     }
 
-    /// Returns the voxels of all `regions`; a voxel of several belongs to the object of fewest voxels, as a part lies in a
-    /// whole. `None` if there are more than 255 objects.
-    pub fn joined(regions: &[Region]) -> Option<Region> {
+    /// Returns the first voxel of the box around `regions`, and the one behind its last.
+    fn bounds_of(regions: &[Region]) -> [[u32; 3]; 2] {
         let there = || regions.iter().filter(|region| !region.kinds.is_empty()).map(Region::bounds);
         let first = [0, 1, 2].map(|k| there().map(|[low, _]| low[k]).min().unwrap_or(0));
         let end = [0, 1, 2].map(|k| there().map(|[_, high]| high[k]).max().unwrap_or(0));
+        [first, end]
+    }
+
+    /// Returns the bytes of memory that [`Self::joined`] takes, with the same region once more of other objects.
+    pub(crate) fn joined_bytes(regions: &[Region]) -> u64 {
+        let [first, end] = Region::bounds_of(regions);
+        4 * (0..3).map(|k| u64::from(end[k] - first[k])).product::<u64>()
+    }
+
+    /// Returns the voxels of all `regions`; a voxel of several belongs to the object of fewest voxels, as a part lies in a
+    /// whole. `None` if there are more than 255 objects.
+    pub fn joined(regions: &[Region]) -> Option<Region> {
+        let [first, end] = Region::bounds_of(regions);
         let mut counts: BTreeMap<RegionObject, usize> = BTreeMap::new();
         for (_, object) in regions.iter().flat_map(Region::voxels) {
             *counts.entry(object).or_default() += 1;
