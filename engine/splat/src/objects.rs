@@ -204,7 +204,7 @@ fn joined_region(sets: &[(String, SplatSet)], of_set: &[[usize; 256]]) -> Result
 /// # Errors
 /// [`Kind::HostMemory`] if memory does not hold the box around them, however little of it is theirs.
 fn region_of_all(regions: &[Region]) -> Result<Region> {
-    memory::require(Region::joined_bytes(regions), "the box around all regions")?;
+    memory::require(Region::joined_bytes(regions), "the voxels of the box around all regions")?;
     Region::joined(regions)
         .ok_or_else(|| Error::new(Kind::Internal, "VGS-SPLAT-012", "objects without numbers"))
 }
