@@ -31,6 +31,14 @@ fn a_picture_of_splats_is_like_that_of_their_volume() {
     }
     let usual = folder.run(&of(&["s.ply", "-o", "usual.png", "--json"], &shared)).json();
     assert_eq!(usual["mode"], "decoded");
+    let usual = picture(&folder, "usual.png").image;
+    for (memory, least, most) in [("1G", f64::INFINITY, f64::INFINITY), ("400k", 18.0, 60.0)] {
+        let ended = folder.run(&of(&["s.ply", "-o", "m.png", "--force", "--field-memory", memory], &shared));
+        assert_eq!(ended.code, 0, "{}", ended.err);
+        let db = psnr(&usual, &picture(&folder, "m.png").image).expect("pictures of one size");
+        println!("--field-memory {memory}: {db:.1} dB");
+        assert!((least..=most).contains(&db), "{memory}: {db} dB");
+    }
     let json = folder.run(&of(&["s.ply", "-o", "slab.png", "--mode", "slab", "--json"], &shared)).json();
     assert_eq!(json["mode"], "slab");
     assert_eq!((json["size"].clone(), json["frames"].as_u64()), (serde_json::json!([96, 80]), Some(1)));
