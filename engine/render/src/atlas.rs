@@ -6,7 +6,7 @@ use rayon::prelude::*;
 use shaders_glsl::medium as glsl;
 
 use super::decoded::{Decoded, place_of};
-use super::detail::{Node, chosen};
+use super::detail::{EVEN, Node, chosen};
 use base::error::{Error, Kind, Result};
 use passes::voxel_gradients::NOWHERE;
 use volume::bricks::NO_SLOT;
@@ -77,12 +77,9 @@ impl Decoded {
                 let texel = TEXEL_BYTES + if self.labels.is_some() { LABEL_BYTES } else { 0 };
                 let most = bytes / (texel * APRONED.pow(3) as u64);
                 let most = places_within(most.min(u64::from(u32::MAX)) as u32, most_along);
-                // Where all are whole, nobody asks.
-                let contrast = |brick: UVec3| if kept.len() > most { self.contrast(brick) } else { 0.0 };
-                let kept: Vec<_> = kept.par_iter().map(|&brick| (brick, contrast(brick))).collect();
-                chosen(&kept, most, seen)
+                chosen(&kept, most, &|brick| self.contrast(brick), seen)
             }
-            None => kept.iter().map(|brick| Node { level: 0, brick: brick.to_array() }).collect(),
+            None => chosen(&kept, usize::MAX, &|_| EVEN, &|_, _| 0.0),
         };
         let has_levels = nodes.iter().any(|node| node.level > 0);
         let bricks = atlas_bricks(nodes.len() as u32 + 1, most_along)?;

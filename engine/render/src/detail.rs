@@ -7,18 +7,19 @@
 use std::collections::{BTreeMap, BinaryHeap};
 
 use glam::{DVec2, DVec3, IVec3, UVec3};
+use rayon::prelude::*;
 use shaders_glsl::medium::MOST_LEVEL;
 
 use super::camera::{Camera, Fov};
 use super::decoded::Decoded;
 use volume::bricks::{BRICK, SAMPLES, brick_voxel};
 
-/// The memory of the device that is for a decoded field, and from where the field is seen: `None` if from anywhere.
+/// The memory of the device that is for a decoded field, and from where the field is seen.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct FieldBudget {
     /// Most bytes, but for what a driver adds to images; the coarsest bricks are there even if they take more.
     pub bytes: u64,
-    /// The eye, in the world, mm RAS.
+    /// The eye, in the world, mm RAS; `None` if the field may be seen from anywhere.
     pub camera: Option<Camera>,
 }
 
@@ -26,7 +27,7 @@ pub struct FieldBudget {
 const UNSEEN: f64 = 1.0 / 64.0;
 
 /// The contrast of a brick that is the same all over.
-const EVEN: f64 = 1e-3;
+pub(super) const EVEN: f64 = 1e-3;
 
 /// A brick of some level.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
@@ -48,20 +49,27 @@ impl Node {
     }
 }
 
-/// Returns the bricks for at most `most` places, of which `kept` hold anything, each with its contrast; the coarsest ones
-/// even if they are more. `seen` tells how large a brick is seen, by its middle and radius, voxels of the box.
-pub(super) fn chosen(kept: &[(UVec3, f64)], most: usize, seen: &dyn Fn(DVec3, f64) -> f64) -> Vec<Node> {
+/// Returns the bricks for at most `most` places, of which `kept` hold anything; the coarsest ones even if they are more.
+/// Where not all are whole, `contrast` is asked for that of each, above 0, and `seen` how large a brick is seen, by its
+/// middle and radius, voxels of the box.
+pub(super) fn chosen(
+    kept: &[UVec3],
+    most: usize,
+    contrast: &(dyn Fn(UVec3) -> f64 + Sync),
+    seen: &dyn Fn(DVec3, f64) -> f64,
+) -> Vec<Node> {
     if kept.len() <= most {
-        return kept.iter().map(|(brick, _)| Node { level: 0, brick: brick.to_array() }).collect();
+        return kept.iter().map(|brick| Node { level: 0, brick: brick.to_array() }).collect();
     }
+    let contrasts: Vec<f64> = kept.par_iter().map(|&brick| contrast(brick)).collect();
     // By level, the first bricks of those that hold anything, with the contrast of all.
     let levels: Vec<BTreeMap<[u32; 3], f64>> = (0..=MOST_LEVEL)
         .map(|level| {
-            let mut contrasts = BTreeMap::new();
-            for &(brick, contrast) in kept {
-                *contrasts.entry((brick >> level << level).to_array()).or_default() += contrast;
+            let mut sums = BTreeMap::new();
+            for (&brick, contrast) in kept.iter().zip(&contrasts) {
+                *sums.entry((brick >> level << level).to_array()).or_default() += contrast;
             }
-            contrasts
+            sums
         })
         .collect();
     // The greatest priority first; of equals any, but always the same.
@@ -187,29 +195,28 @@ mod tests {
     /// Whatever the room, each brick that holds anything is in one that was chosen, and no two of these overlap.
     #[test]
     fn bricks_that_are_chosen_cover_all_once_and_near_ones_are_whole() {
-        let kept: Vec<(UVec3, f64)> = (0..20 * 17 * 9)
+        let kept: Vec<UVec3> = (0..20 * 17 * 9)
             .map(|i| UVec3::new(i % 20, i / 20 % 17, i / 340))
             .filter(|brick| (brick.x * 7 + brick.y * 3 + brick.z * 5) % 4 != 0)
-            .map(|brick| (brick, 1.0))
             .collect();
         let eye = DVec3::new(100.0, 20.0, 30.0);
         let near = |middle: DVec3, radius: f64| radius / (middle - eye).length().max(radius);
         for most in [kept.len(), kept.len() - 1, 900, 300, 80, 24, 1] {
-            let nodes = chosen(&kept, most, &near);
+            let nodes = chosen(&kept, most, &|_| 1.0, &near);
             let holds = |node: &Node, brick: UVec3| {
                 brick >> node.level << node.level == UVec3::from_array(node.brick)
             };
-            for &(brick, _) in &kept {
+            for &brick in &kept {
                 assert_eq!(nodes.iter().filter(|node| holds(node, brick)).count(), 1, "{brick} of {most}");
             }
             let coarsest =
-                kept.iter().map(|(brick, _)| (*brick >> MOST_LEVEL).to_array()).collect::<BTreeSet<_>>();
+                kept.iter().map(|&brick| (brick >> MOST_LEVEL).to_array()).collect::<BTreeSet<_>>();
             assert!(nodes.len() <= most.max(coarsest.len()), "{} of {most}", nodes.len());
             assert!(nodes.len() + 7 > most || most < coarsest.len(), "{} of {most}", nodes.len());
-            assert_eq!(nodes, chosen(&kept, most, &near), "always the same");
+            assert_eq!(nodes, chosen(&kept, most, &|_| 1.0, &near), "always the same");
             if most >= 300 {
                 let under_eye = ((eye + 1.0) / BRICK as f64).as_uvec3();
-                let (around, _) = kept.iter().find(|(brick, _)| *brick == under_eye).expect("a brick");
+                let around = kept.iter().find(|brick| **brick == under_eye).expect("a brick");
                 assert!(nodes.contains(&Node { level: 0, brick: around.to_array() }), "near, of {most}");
             }
         }
@@ -232,8 +239,9 @@ mod tests {
     #[test]
     fn contrast_comes_first() {
         let at = |i: u32| UVec3::new(i % 8, i / 8 % 8, i / 64);
-        let kept: Vec<_> = (0..512).map(|i| (at(i), if i == 77 { 1.0 } else { EVEN })).collect();
-        let nodes = chosen(&kept, 22, &|_, radius| radius);
+        let kept: Vec<_> = (0..512).map(at).collect();
+        let contrast = |brick: UVec3| if brick == at(77) { 1.0 } else { EVEN };
+        let nodes = chosen(&kept, 22, &contrast, &|_, radius| radius);
         assert_eq!(nodes.len(), 22);
         assert!(nodes.contains(&Node { level: 0, brick: at(77).to_array() }));
     }
