@@ -48,12 +48,8 @@ pub fn in_volume(set: &SplatSet, volume: &Volume) -> Result<Vec<Splat>> {
     let coded = set.region.as_ref().zip(set.grid.as_ref()).filter(|_| !set.voxels.is_empty());
     let lies = coded.is_some_and(|(region, grid)| {
         let place = volume.voxel_from_world() * grid.world_from_voxel;
-        let ([first, end], kinds) = (region.bounds(), region.kinds());
-        let [nx, ny, _] = std::array::from_fn(|k| (end[k] - first[k]) as usize);
-        let voxel = |i: usize| [i % nx, i / nx % ny, i / (nx * ny)];
-        let at =
-            |i: usize| DVec3::from_array(std::array::from_fn(|k| f64::from(first[k]) + voxel(i)[k] as f64));
-        (0..kinds.len()).any(|i| kinds[i] > 0 && inside(place.transform_point3(at(i))))
+        let at = |voxel: [u32; 3]| DVec3::from_array(voxel.map(f64::from));
+        region.voxels().any(|(voxel, _)| inside(place.transform_point3(at(voxel))))
     });
     if lies || splats.iter().any(|s| inside(DVec3::from_array(s.mean.map(f64::from)))) {
         return Ok(splats);

@@ -123,7 +123,7 @@ fn voxels_are_those_of_the_reference() {
 }
 
 /// Returns the set with the region of the voxels of its grid for which `number` returns that of an object.
-fn with_region(set: SplatSet, number: impl Fn([usize; 3]) -> Option<u8>) -> SplatSet {
+fn with_region(set: SplatSet, number: impl Fn([usize; 3]) -> Option<u8> + Sync) -> SplatSet {
     let size = set.grid.expect("a grid").size.map(|n| n as usize);
     let at = |i: usize| [i % size[0], i / size[0] % size[1], i / (size[0] * size[1])];
     SplatSet { region: Region::of(size, |i| number(at(i))), form: Form::Grid, ..set }

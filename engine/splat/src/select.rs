@@ -19,7 +19,7 @@ impl SplatSet {
 
     /// Returns the splats, and of what is coded the voxels, for which `keep` is true, as [`SplatSet::selected`] does; it
     /// is told the number of an object and a mean or the centre of a voxel, mm RAS.
-    pub fn part(&self, keep: impl Fn(u8, DVec3) -> bool) -> SplatSet {
+    pub fn part(&self, keep: impl Fn(u8, DVec3) -> bool + Sync) -> SplatSet {
         let number = |i: usize| self.labels.as_ref().map_or(0, |labels| labels[i]);
         let mut part = self.selected(|i, mean| keep(number(i), mean));
         if let (Some(region), Some(grid), false) = (&part.region, &self.grid, self.voxels.is_empty()) {

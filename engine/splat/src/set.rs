@@ -89,9 +89,8 @@ impl SplatSet {
     /// Returns the number of coded voxels of the region.
     pub fn coded_count(&self) -> usize {
         let Some(region) = self.region.as_ref().filter(|_| !self.voxels.is_empty()) else { return 0 };
-        let is_coded: Vec<bool> =
-            region.objects().iter().map(|object| self.voxels_of(object.fit).is_some()).collect();
-        region.kinds().iter().filter(|&&kind| kind > 0 && is_coded[usize::from(kind) - 1]).count()
+        let counts = region.objects().iter().zip(region.counts());
+        counts.filter(|(object, _)| self.voxels_of(object.fit).is_some()).map(|(_, count)| count).sum()
     }
 
     /// Returns number of the object and V of each coded voxel of the region.

@@ -144,23 +144,14 @@ impl Sites {
         let low = first.map(|at| at.saturating_sub(1));
         let high: [u32; 3] = std::array::from_fn(|k| (end[k] + 1).min(size[k]).max(low[k]));
         let own: Vec<bool> = region.objects().iter().map(|object| object.fit == fit).collect();
-        let extent: [u32; 3] =
-            if region.kinds().is_empty() { [0; 3] } else { std::array::from_fn(|k| high[k] - low[k]) };
-        let [nx, ny, nz] = extent.map(|n| n as usize);
-        let mut sites = vec![Site::Outside as u8; nx * ny * nz];
-        let row = (end[0] - first[0]) as usize;
-        for (line, kinds) in region.kinds().chunks(row.max(1)).enumerate() {
-            let rows = (end[1] - first[1]) as usize;
-            let [x, y, z] = [0, line % rows, line / rows];
-            let [x, y, z] = [
-                x + (first[0] - low[0]) as usize,
-                y + (first[1] - low[1]) as usize,
-                z + (first[2] - low[2]) as usize,
-            ];
-            let to = &mut sites[(z * ny + y) * nx + x..][..row];
-            for (to, &kind) in to.iter_mut().zip(kinds) {
-                *to = if kind > 0 && own[usize::from(kind) - 1] { Site::Inside as u8 } else { *to };
-            }
+        let is_empty = region.objects().is_empty();
+        let extent: [u32; 3] = if is_empty { [0; 3] } else { std::array::from_fn(|k| high[k] - low[k]) };
+        let size @ [nx, ny, nz] = extent.map(|n| n as usize);
+        let mut sites = vec![0; nx * ny * nz];
+        region.copy_kinds((&mut sites, size), [0, 1, 2].map(|k| (first[k] - low[k]) as usize));
+        for site in &mut sites {
+            let is_inside = *site > 0 && own[usize::from(*site) - 1];
+            *site = if is_inside { Site::Inside } else { Site::Outside } as u8;
         }
         // One axis after the other, so that corners are reached.
         for (step, n) in [(1, nx), (nx, ny), (nx * ny, nz)] {

@@ -180,6 +180,18 @@ pub fn write(path: &Path, volume: &Volume, force: bool) -> Result<()> {
     nifti::write(path, volume, force)
 }
 
+/// Writes a volume as [`write()`] does, to OME-Zarr by boxes: memory need not hold it.
+///
+/// # Errors
+/// Those of [`write()`] and of the source.
+pub fn write_by_boxes(path: &Path, volume: &dyn VoxelSource, force: bool) -> Result<()> {
+    #[cfg(feature = "zarr")]
+    if is_zarr(path) {
+        return zarr::write(path, volume, force);
+    }
+    nifti::write(path, &volume.read_box([0; 3], volume.grid().size)?, force)
+}
+
 /// Checks that [`write()`] could write a file of this name, before anything is computed for it.
 ///
 /// # Errors
@@ -193,9 +205,9 @@ pub fn check_output(path: &Path, force: bool) -> Result<()> {
     nifti::check_name(path).map_err(ending).and_then(|_| base::output::check_writable(path, force))
 }
 
-#[cfg(feature = "zarr")]
-fn is_zarr(path: &Path) -> bool {
-    path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zarr"))
+/// Returns true if a file of this name is written as OME-Zarr.
+pub fn is_zarr(path: &Path) -> bool {
+    cfg!(feature = "zarr") && path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("zarr"))
 }
 
 impl Volume {

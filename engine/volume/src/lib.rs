@@ -68,7 +68,7 @@ pub use bricks::Bricks;
 pub use cleaning::Cleaning;
 pub use edged::shown;
 pub use fields::FieldRow;
-pub use formats::{FORMATS, Format, check_output, files_of, levels, write};
+pub use formats::{FORMATS, Format, check_output, files_of, is_zarr, levels, write, write_by_boxes};
 pub use grid::{Grid, PartOf};
 pub use interpolation::trilinear;
 pub use label_choice::LabelChoice;

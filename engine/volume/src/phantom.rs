@@ -10,7 +10,8 @@ use rand_pcg::Pcg32;
 use rand_pcg::rand_core::Rng;
 use rayon::prelude::*;
 
-use super::{Roi, Volume};
+use super::roi::empty;
+use super::{Grid, Roi, Volume, VoxelSource};
 use base::Result;
 
 const AIR_HU: f64 = -1000.0;
@@ -70,6 +71,14 @@ impl Vessel {
             ((p - (a + (b - a) * t)).length() - radius, radius)
         };
         (0..SEGMENTS).map(segment).min_by(|a, b| a.0.total_cmp(&b.0)).expect("a vessel has segments")
+    }
+
+    /// Returns true if all of a box is farther from the wall than `edge`, outside.
+    fn is_far_from(&self, [low, high]: [DVec3; 2], edge: f64) -> bool {
+        let reach = edge + self.radii.into_iter().fold(0.0, f64::max);
+        let first = self.points.into_iter().fold(DVec3::INFINITY, DVec3::min) - reach;
+        let last = self.points.into_iter().fold(DVec3::NEG_INFINITY, DVec3::max) + reach;
+        (first.cmpgt(high) | last.cmplt(low)).any()
     }
 }
 
@@ -141,9 +150,19 @@ impl Phantom {
         self.bone.distance(world) <= 0.0 || self.vessels.iter().any(|v| v.distance(world).0 <= 0.0)
     }
 
+    /// Returns the scene, which is sampled at the voxel centres of a box when it is read.
+    pub fn ct(&self) -> impl VoxelSource + '_ {
+        Sampled { phantom: self, value: |phantom, p| phantom.hu(p) as f32 }
+    }
+
+    /// Returns the region of bone and vessels, which is sampled when it is read.
+    pub fn mask(&self) -> impl VoxelSource + '_ {
+        Sampled { phantom: self, value: |phantom, p| f32::from(u8::from(phantom.inside(p))) }
+    }
+
     /// Returns the scene sampled at the voxel centres.
     pub fn volume(&self) -> Volume {
-        Volume::new(self.size, self.world_from_voxel, self.sample(|p| self.hu(p) as f32))
+        self.sampled([0; 3], self.size, |phantom, p| phantom.hu(p) as f32)
     }
 
     /// Returns the region of bone and vessels on the same grid.
@@ -151,18 +170,58 @@ impl Phantom {
     /// # Errors
     /// [`base::Kind::NothingToDo`] if the grid is so coarse that no voxel centre lies inside.
     pub fn roi(&self) -> Result<Roi> {
-        Roi::new(self.sample(|p| f32::from(u8::from(self.inside(p)))), &self.volume())
+        Roi::new(self.mask().read_box([0; 3], self.size)?.samples, &self.volume())
     }
 
-    fn sample(&self, value: impl Fn(DVec3) -> f32 + Sync) -> Vec<f32> {
-        let [nx, ny, nz] = self.size;
-        (0..nx * ny * nz)
-            .into_par_iter()
-            .map(|i| {
-                let voxel = DVec3::new((i % nx) as f64, (i / nx % ny) as f64, (i / (nx * ny)) as f64);
-                value(self.world_from_voxel.transform_point3(voxel))
+    /// Returns the number of voxels of [`Self::roi`].
+    ///
+    /// # Errors
+    /// [`base::Kind::NothingToDo`] if there are none.
+    pub fn roi_voxels(&self) -> Result<usize> {
+        let slices = |z| {
+            self.sampled([0, 0, z], [self.size[0], self.size[1], 1], |p, at| {
+                f32::from(u8::from(p.inside(at)))
             })
-            .collect()
+        };
+        let voxels = |z| slices(z).samples.iter().filter(|&&inside| inside > 0.0).count();
+        let all = (0..self.size[2]).map(voxels).sum();
+        if all > 0 { Ok(all) } else { Err(empty()) }
+    }
+
+    /// Returns the samples of a box.
+    fn sampled(&self, first: [usize; 3], size: [usize; 3], value: fn(&Phantom, DVec3) -> f32) -> Volume {
+        let [nx, ny, _] = size;
+        let grid = Grid { size: self.size, world_from_voxel: self.world_from_voxel }.of_box(first, size);
+        let of_voxel = |voxel: [usize; 3]| {
+            self.world_from_voxel.transform_point3(DVec3::from_array(voxel.map(|at| at as f64)))
+        };
+        // Vessels that are far from the box change nothing in it.
+        let ends = [of_voxel(first), of_voxel([0, 1, 2].map(|k| first[k] + size[k] - 1))];
+        let is_near = |vessel: &&Vessel| !vessel.is_far_from(ends, self.edge);
+        let near =
+            Phantom { vessels: self.vessels.iter().filter(is_near).cloned().collect(), ..self.clone() };
+        let samples = (0..size.iter().product::<usize>()).into_par_iter().map(|i| {
+            let at = [i % nx, i / nx % ny, i / (nx * ny)];
+            value(&near, of_voxel([0, 1, 2].map(|k| first[k] + at[k])))
+        });
+        Volume::new(size, grid.world_from_voxel, samples.collect())
+    }
+}
+
+/// A property of a phantom, sampled when it is read.
+struct Sampled<'a> {
+    phantom: &'a Phantom,
+    value: fn(&Phantom, DVec3) -> f32,
+}
+
+impl VoxelSource for Sampled<'_> {
+    fn grid(&self) -> Grid {
+        Grid { size: self.phantom.size, world_from_voxel: self.phantom.world_from_voxel }
+    }
+
+    fn read_box(&self, first: [usize; 3], size: [usize; 3]) -> Result<Volume> {
+        self.grid().check_box(first, size)?;
+        Ok(self.phantom.sampled(first, size, self.value))
     }
 }
 

@@ -22,6 +22,11 @@ pub trait VoxelSource: Send + Sync {
     /// [`Kind::Usage`] if the box reaches beyond the grid or is empty; otherwise those of [`Volume::read`].
     fn read_box(&self, first: [usize; 3], size: [usize; 3]) -> Result<Volume>;
 
+    /// Returns the value that all voxels of a box within the grid have, if that is known without reading them.
+    fn known(&self, _first: [usize; 3], _size: [usize; 3]) -> Option<f32> {
+        None
+    }
+
     /// Reads all voxels.
     ///
     /// # Errors

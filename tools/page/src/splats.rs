@@ -68,7 +68,7 @@ impl Splats {
 
     /// Returns the splats for which `keep` is true, with their part of the region. It is told the number of the object and
     /// the mean, mm RAS.
-    pub fn selected(self, keep: &dyn Fn(u8, DVec3) -> bool) -> Self {
+    pub fn selected(self, keep: &(dyn Fn(u8, DVec3) -> bool + Sync)) -> Self {
         let Splats { set, pieces, names } = self;
         let set = part(&set, &|label| label, keep).unwrap_or(set);
         let mut kept = Vec::new();
@@ -89,7 +89,11 @@ impl Splats {
 
 /// Returns the splats of a set for which `keep` is true, `number` being that of the object of a label; `None` if these are
 /// all.
-fn part(set: &SplatSet, number: &dyn Fn(u8) -> u8, keep: &dyn Fn(u8, DVec3) -> bool) -> Option<SplatSet> {
+fn part(
+    set: &SplatSet,
+    number: &(dyn Fn(u8) -> u8 + Sync),
+    keep: &(dyn Fn(u8, DVec3) -> bool + Sync),
+) -> Option<SplatSet> {
     let part = set.part(|label, mean| keep(number(label), mean));
     Some(part).filter(|part| part.count() < set.count())
 }

@@ -86,10 +86,8 @@ impl Source {
         if !is_within_limits(region) {
             return Ok(None);
         }
-        let [first, end] = region.bounds();
-        let size = [0, 1, 2].map(|k| (end[k] - first[k]) as usize);
         let spacing = spacing_of(&lattice.world_from_voxel).to_array();
-        let shown = occupancy(region.kinds(), size, spacing, edges)?;
+        let shown = occupancy(&region.kinds(), region.size(), spacing, edges)?;
         let mut dense = dense(region, shown)?;
         let extent = shown_extent(&dense, lattice);
         let bricks = extent.sampled(|brick| extent.reached[brick]);
@@ -219,19 +217,12 @@ pub(super) fn is_within_limits(region: &Region) -> bool {
 
 /// Returns the box of a region and its occupancy, in which no V is known.
 fn dense(region: &Region, shown: Occupancy) -> Result<Dense> {
-    let [first, end] = region.bounds();
+    let [first, _] = region.bounds();
     let count = shown.values.len();
     memory::require(count as u64 * HOST_BYTES_A_VOXEL, "the voxels of a region")?;
     let low = UVec3::from_array(first).as_ivec3() + shown.origin;
     let mut kinds = vec![0; count];
-    let row = (end[0] - first[0]) as usize;
-    for (line, own) in region.kinds().chunks(row.max(1)).enumerate() {
-        let rows = (end[1] - first[1]) as usize;
-        let at = IVec3::new(0, (line % rows) as i32, (line / rows) as i32) - shown.origin;
-        let [x, y, z] = at.to_array().map(|v| v as usize);
-        let from = (z * shown.size[1] + y) * shown.size[0] + x;
-        kinds[from..from + row].copy_from_slice(own);
-    }
+    region.copy_kinds((&mut kinds, shown.size), (-shown.origin).to_array().map(|at| at as usize));
     Ok(Dense { low, size: shown.size, kinds, values: vec![f32::NAN; count], occupancy: shown.values })
 }
 

@@ -10,9 +10,7 @@
 //! The first of these bits has a model for each pattern of fourteen neighbours that come before the voxel: three in
 //! its row, six in the rows before, five in the slice before (after JBIG2).
 
-use std::sync::Arc;
-
-use super::kinds::{MOST_KINDS, Region, RegionObject};
+use super::kinds::{MOST_KINDS, Region, RegionObject, Tiles};
 use crate::vgs::coder::{Bit, Decoder, Encoder, Tree};
 use base::error::Result;
 
@@ -20,6 +18,8 @@ use base::error::Result;
 const BRICK: usize = 8;
 /// Most voxels of a byte: a claim of more is none of a file that was written.
 const MOST_A_BYTE: u64 = 1 << 16;
+/// Bytes of memory that are asked for at a time while voxels are read.
+const ROOM: u64 = 1 << 26;
 /// Fewest bytes that may stand for a box of any size.
 const LEAST_BYTES: u64 = 1 << 10;
 /// The neighbours of a voxel that come before it: steps along x, y, z.
@@ -51,11 +51,14 @@ impl Region {
         let mut bytes = Vec::new();
         let objects = self.objects.iter().flat_map(|object| [object.number, object.fit]).map(u32::from);
         let count = [self.objects.len() as u32];
-        for number in self.first.into_iter().chain(self.size).chain(count).chain(objects) {
+        let size = self.size().map(|n| n as u32);
+        for number in self.bounds[0].into_iter().chain(size).chain(count).chain(objects) {
             push_number(number, &mut bytes);
         }
-        let mut writer = Writing { kinds: &self.kinds, out: Encoder::default() };
-        code(self.size.map(|n| n as usize), self.objects.len(), &mut writer);
+        let mut writer = Writing { region: self, layer: None, kinds: Vec::new(), out: Encoder::default() };
+        if let Some(bricks) = Coder::new(self.size(), self.objects.len(), &mut writer) {
+            bricks.code(&mut writer, &mut |_, _, _| true);
+        }
         bytes.extend(writer.out.finish());
         bytes
     }
@@ -66,28 +69,32 @@ impl Region {
     /// [`Kind::HostMemory`](base::Kind) for a box that memory does not hold.
     pub fn decode(bytes: &[u8], size: [u32; 3]) -> Result<Option<Region>> {
         let Some((claimed, coded)) = claimed(bytes, size) else { return Ok(None) };
-        base::memory::require(2 * claimed.voxels(), "the voxels of a region")?;
-        let mut reader = Reading { input: Decoder::new(coded) };
         let Claimed { first, size, objects } = claimed;
-        let kinds = code(size.map(|n| n as usize), objects.len(), &mut reader);
-        let region = kinds.map(|kinds| Region { first, size, kinds: kinds.into(), objects });
-        Ok(region.filter(Region::is_tight))
-    }
-
-    /// Returns true if every object has voxels, and every face of the box, too.
-    fn is_tight(&self) -> bool {
-        let mut found = vec![false; self.objects.len()];
-        let mut faces = [[false; 2]; 3];
-        for (i, &kind) in self.kinds.iter().enumerate().filter(|(_, kind)| **kind > 0) {
-            found[usize::from(kind) - 1] = true;
-            let [nx, ny, nz] = self.size.map(|n| n as usize);
-            for (k, (at, n)) in [(i % nx, nx), (i / nx % ny, ny), (i / (nx * ny), nz)].into_iter().enumerate()
-            {
-                faces[k] = [faces[k][0] || at == 0, faces[k][1] || at + 1 == n];
+        let [nx, ny, nz] = size.map(|n| n as usize);
+        base::memory::require(slices_bytes([nx, ny, nz]), "the slices of a region")?;
+        let mut reader = Reading { input: Decoder::new(coded) };
+        let Some(coder) = Coder::new([nx, ny, nz], objects.len(), &mut reader) else { return Ok(None) };
+        let (mut tiles, mut room, mut granted) = (Tiles::default(), 0, Ok(()));
+        let mut row = |y: usize, z: usize, kinds: &[u8]| {
+            tiles.put([first[0], first[1] + y as u32, first[2] + z as u32], kinds);
+            if tiles.bytes() > room {
+                granted = base::memory::require(ROOM, "the voxels of a region");
+                room = tiles.bytes() + ROOM;
             }
-        }
-        self.kinds.is_empty() || found.iter().chain(faces.iter().flatten()).all(|&there| there)
+            granted.is_ok()
+        };
+        let is_whole = coder.code(&mut reader, &mut row);
+        granted?;
+        let end = [0, 1, 2].map(|k| first[k] + size[k]);
+        Ok(is_whole.then(|| tiles.region([first, end], objects)).flatten())
     }
+}
+
+/// Returns the bytes of memory that two slices of a box, with their borders, and the kinds of its bricks take.
+fn slices_bytes([nx, ny, nz]: [usize; 3]) -> u64 {
+    let slice = (nx as u64 + 5).saturating_mul(ny as u64 + 3);
+    let bricks = [nx, ny, nz].iter().fold(1u64, |count, n| count.saturating_mul(n.div_ceil(BRICK) as u64));
+    bricks.saturating_add(slice).saturating_mul(2)
 }
 
 /// What the bytes of a region claim before its voxels.
@@ -133,14 +140,19 @@ trait Coding {
     fn bit(&mut self, model: &mut Bit, bit: bool) -> bool;
     /// The same for a number.
     fn number(&mut self, tree: &mut Tree, number: u32) -> u32;
-    /// Returns the kind of the voxel at this place; whatever, if it is not known.
+    /// Turns to a layer of bricks.
+    fn turn_to(&mut self, layer: usize);
+    /// Returns the kind of the voxel at this place in the layer; whatever, if it is not known.
     fn kind(&self, place: usize) -> u8;
     /// Returns true if reading came to an end.
     fn is_over(&self) -> bool;
 }
 
 struct Writing<'a> {
-    kinds: &'a Arc<[u8]>,
+    region: &'a Region,
+    /// The layer of bricks whose kinds are there, x fastest.
+    layer: Option<usize>,
+    kinds: Vec<u8>,
     out: Encoder,
 }
 
@@ -153,6 +165,16 @@ impl Coding for Writing<'_> {
     fn number(&mut self, tree: &mut Tree, number: u32) -> u32 {
         self.out.number(tree, number);
         number
+    }
+
+    fn turn_to(&mut self, layer: usize) {
+        if self.layer.replace(layer) != Some(layer) {
+            let [nx, ny, nz] = self.region.size();
+            let slices = layer * BRICK..nz.min((layer + 1) * BRICK);
+            self.kinds.clear();
+            self.kinds.resize(nx * ny * slices.len(), 0);
+            self.region.copy_slices(slices, &mut self.kinds);
+        }
     }
 
     fn kind(&self, place: usize) -> u8 {
@@ -176,6 +198,8 @@ impl Coding for Reading<'_> {
     fn number(&mut self, tree: &mut Tree, _: u32) -> u32 {
         self.input.number(tree)
     }
+
+    fn turn_to(&mut self, _: usize) {}
 
     fn kind(&self, _: usize) -> u8 {
         0
@@ -235,47 +259,72 @@ impl Models {
     }
 }
 
-/// Codes the kinds of the voxels of a box, and returns them; `None` if they could not be read.
-fn code(size: [usize; 3], count: usize, coding: &mut impl Coding) -> Option<Vec<u8>> {
-    let mut models = Models {
-        count,
-        even: [Bit::EVEN; 8],
-        first: vec![Bit::EVEN; 1 << NEIGHBOURS.len()],
-        next: [[Bit::EVEN; 4]; TRIED],
-        kind: Tree::new(count as u32),
-    };
-    let bricks = code_bricks(size, &mut models, coding)?;
-    // With a border no neighbour needs to be looked for.
-    let padded: [usize; 3] = std::array::from_fn(|k| BEFORE[k] + size[k] + BEHIND[k]);
-    let steps = NEIGHBOURS.map(|[x, y, z]| x + padded[0] as isize * (y + padded[1] as isize * z));
-    let mut found = vec![0u8; padded.iter().product()];
-    let mut out = Vec::with_capacity(size.iter().product());
-    let across = size.map(|n| n.div_ceil(BRICK));
-    for z in 0..size[2] {
-        for y in 0..size[1] {
-            let row = ((z + BEFORE[2]) * padded[1] + y + BEFORE[1]) * padded[0] + BEFORE[0];
-            let brick_row = (z / BRICK * across[1] + y / BRICK) * across[0];
-            for x in 0..size[0] {
-                let at = row + x;
-                found[at] = match bricks[brick_row + x / BRICK] {
-                    Some(kind) => kind,
-                    None => {
-                        let around = steps.map(|step| found[at.wrapping_add_signed(step)]);
-                        let before = around[0];
-                        let same = |pattern, &kind: &u8| pattern << 1 | usize::from(kind == before);
-                        let pattern = around[1..].iter().fold(usize::from(before == 0), same);
-                        let kind = coding.kind((z * size[1] + y) * size[0] + x);
-                        models.kind(Some(pattern), &around[..TRIED], kind, coding)?
-                    }
-                };
-            }
-            out.extend_from_slice(&found[row..row + size[0]]);
-            if coding.is_over() {
-                return None;
+/// The voxels of a box, whose bricks are coded.
+struct Coder {
+    size: [usize; 3],
+    models: Models,
+    /// The kind of each brick whose voxels are all of one.
+    bricks: Vec<Option<u8>>,
+}
+
+impl Coder {
+    /// Codes the bricks of a box with so many objects; `None` if they could not be read.
+    fn new(size: [usize; 3], count: usize, coding: &mut impl Coding) -> Option<Coder> {
+        let mut models = Models {
+            count,
+            even: [Bit::EVEN; 8],
+            first: vec![Bit::EVEN; 1 << NEIGHBOURS.len()],
+            next: [[Bit::EVEN; 4]; TRIED],
+            kind: Tree::new(count as u32),
+        };
+        let bricks = code_bricks(size, &mut models, coding)?;
+        Some(Coder { size, models, bricks })
+    }
+
+    /// Codes the kinds of the voxels, and calls `take` with y, z and kinds of each row in which some belong to an object.
+    /// Returns false if they could not be read, or if `take` does.
+    fn code(mut self, coding: &mut impl Coding, take: &mut impl FnMut(usize, usize, &[u8]) -> bool) -> bool {
+        // With a border no neighbour needs to be looked for; two slices are kept.
+        let [nx, ny, nz] = self.size;
+        let padded: [usize; 2] = std::array::from_fn(|k| BEFORE[k] + self.size[k] + BEHIND[k]);
+        let slice = padded[0] * padded[1];
+        let steps = NEIGHBOURS.map(|[x, y, z]| x + padded[0] as isize * y + slice as isize * z);
+        let mut found = vec![0u8; 2 * slice];
+        let across = self.size.map(|n| n.div_ceil(BRICK));
+        for z in 0..nz {
+            found.copy_within(slice.., 0);
+            coding.turn_to(z / BRICK);
+            for y in 0..ny {
+                let row = slice + (y + BEFORE[1]) * padded[0] + BEFORE[0];
+                let bricks = &self.bricks[(z / BRICK * across[1] + y / BRICK) * across[0]..][..across[0]];
+                if bricks.iter().all(|&brick| brick == Some(0)) {
+                    found[row..row + nx].fill(0);
+                    continue;
+                }
+                for x in 0..nx {
+                    let at = row + x;
+                    found[at] = match bricks[x / BRICK] {
+                        Some(kind) => kind,
+                        None => {
+                            let around = steps.map(|step| found[at.wrapping_add_signed(step)]);
+                            let before = around[0];
+                            let same = |pattern, &kind: &u8| pattern << 1 | usize::from(kind == before);
+                            let pattern = around[1..].iter().fold(usize::from(before == 0), same);
+                            let kind = coding.kind((z % BRICK * ny + y) * nx + x);
+                            match self.models.kind(Some(pattern), &around[..TRIED], kind, coding) {
+                                Some(kind) => kind,
+                                None => return false,
+                            }
+                        }
+                    };
+                }
+                if !take(y, z, &found[row..row + nx]) || coding.is_over() {
+                    return false;
+                }
             }
         }
+        true
     }
-    Some(out)
 }
 
 /// Codes the bricks, and returns the kind of each whose voxels are all of one.
@@ -283,17 +332,19 @@ fn code_bricks(size: [usize; 3], models: &mut Models, coding: &mut impl Coding) 
     let across = size.map(|n| n.div_ceil(BRICK));
     let mut bricks: Vec<Option<u8>> = Vec::with_capacity(across.iter().product());
     for z in 0..across[2] {
+        coding.turn_to(z);
         for y in 0..across[1] {
             for x in 0..across[0] {
                 let here = bricks.len();
                 let steps = [(x, 1), (y, across[0]), (z, across[0] * across[1])];
                 let around = steps.map(|(at, step)| if at > 0 { bricks[here - step] } else { Some(0) });
                 let pattern = around.iter().fold(0, |bits, brick| bits << 1 | usize::from(brick.is_some()));
-                let of = |k: usize| [x, y, z][k] * BRICK;
+                let of = |k: usize| [x, y][k] * BRICK;
                 let end = |k: usize| (of(k) + BRICK).min(size[k]);
+                let slices = BRICK.min(size[2] - z * BRICK);
                 let place = |x: usize, y: usize, z: usize| (z * size[1] + y) * size[0] + x;
-                let kind = coding.kind(place(of(0), of(1), of(2)));
-                let even = (of(2)..end(2)).all(|z| {
+                let kind = coding.kind(place(of(0), of(1), 0));
+                let even = (0..slices).all(|z| {
                     (of(1)..end(1)).all(|y| (of(0)..end(0)).all(|x| coding.kind(place(x, y, z)) == kind))
                 });
                 let likely = around.map(|brick| brick.unwrap_or(0));

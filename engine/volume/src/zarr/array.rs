@@ -118,6 +118,15 @@ impl Resolution {
         Level { size: self.grid.size, spacing_mm, chunk: self.chunk, volumes: self.layout.volumes }
     }
 
+    /// Returns a box in the axes of the array.
+    fn subset(&self, first: [usize; 3], size: [usize; 3]) -> ArraySubset {
+        let mut ranges: Vec<_> = self.chosen.iter().map(|&index| index..index + 1).collect();
+        for (k, &axis) in self.space.iter().enumerate() {
+            ranges[axis] = first[k] as u64..(first[k] + size[k]) as u64;
+        }
+        ArraySubset::new_with_ranges(&ranges)
+    }
+
     /// Reads planes `first[2]..` of a box, x fastest, and passes the samples on.
     fn read_slab(
         &self,
@@ -129,11 +138,7 @@ impl Resolution {
             bad("VGS-ZAR-007", format!("chunks at voxel {first:?} cannot be read: {message}"))
                 .help("copy the store again; a chunk that is missing altogether would be no error")
         };
-        let mut ranges: Vec<_> = self.chosen.iter().map(|&index| index..index + 1).collect();
-        for (k, &axis) in self.space.iter().enumerate() {
-            ranges[axis] = first[k] as u64..(first[k] + size[k]) as u64;
-        }
-        let subset = ArraySubset::new_with_ranges(&ranges);
+        let subset = self.subset(first, size);
         let bytes: ArrayBytes =
             self.array.retrieve_array_subset(&subset).map_err(|e| failed(e.to_string()))?;
         let bytes = bytes.into_fixed().map_err(|e| failed(e.to_string()))?;
@@ -142,9 +147,8 @@ impl Resolution {
         if z < y && y < x {
             (element.decode)(&bytes, big_endian, &mut |stored| taken.take(stored));
         } else {
-            let stride = |axis: usize| {
-                ranges[axis + 1..].iter().map(|r| (r.end - r.start) as usize).product::<usize>()
-            };
+            let stride =
+                |axis: usize| subset.shape()[axis + 1..].iter().map(|&n| n as usize).product::<usize>();
             let [sx, sy, sz] = self.space.map(stride);
             let mut values = Vec::with_capacity(bytes.len() / element.bytes);
             (element.decode)(&bytes, big_endian, &mut |stored| values.push(stored));
@@ -160,6 +164,18 @@ impl Resolution {
 impl VoxelSource for Resolution {
     fn grid(&self) -> Grid {
         self.grid
+    }
+
+    fn known(&self, first: [usize; 3], size: [usize; 3]) -> Option<f32> {
+        let chunks = self.array.chunks_in_array_subset(&self.subset(first, size)).ok()??;
+        let is_missing = |chunk: &[u64]| self.array.storage().is_missing(&self.array.chunk_key(chunk));
+        chunks.indices().iter().all(|chunk| is_missing(&chunk)).then_some(())?;
+        let Layout { element, big_endian, .. } = self.layout;
+        let mut value = None;
+        let mut taken = Taken::new(&self.layout, |sample| value = Some(sample));
+        (element.decode)(self.array.fill_value().as_ne_bytes(), big_endian, &mut |stored| taken.take(stored));
+        taken.check().ok()?;
+        value
     }
 
     fn read_box(&self, first: [usize; 3], size: [usize; 3]) -> Result<Volume> {

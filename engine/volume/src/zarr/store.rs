@@ -86,6 +86,21 @@ impl Store {
         Store { place: Place::Folder(folder.to_owned()), chunk_bytes: AtomicU64::new(u64::MAX) }
     }
 
+    /// Returns true if nothing has this key; false if that cannot be told.
+    pub fn is_missing(&self, key: &StoreKey) -> bool {
+        match &self.place {
+            Place::Folder(folder) => {
+                let found = fs::metadata(folder.join(key.as_str()));
+                found.is_err_and(|e| e.kind() == std::io::ErrorKind::NotFound)
+            }
+            Place::Zip(archive, prefix) => {
+                let mut archive = archive.lock().unwrap_or_else(PoisonError::into_inner);
+                let found = archive.by_name(&format!("{prefix}{key}"));
+                matches!(found, Err(zip::result::ZipError::FileNotFound))
+            }
+        }
+    }
+
     /// Sets the most bytes of a chunk.
     pub fn expect_chunks_of(&self, bytes: u64) {
         self.chunk_bytes.store(bytes, Ordering::Relaxed);

@@ -3,15 +3,16 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use glam::DVec3;
+use glam::{DAffine3, DVec3};
+use rayon::prelude::*;
 use serde_json::{Value, json};
 use zarrs::array::codec::ZstdCodec;
-use zarrs::array::{ArrayBuilder, data_type};
+use zarrs::array::{Array, ArrayBuilder, ArraySubset, data_type};
 use zarrs::group::GroupBuilder;
 
 use super::store::{Store, is_store};
-use crate::Volume;
 use crate::affine::SHEARED;
+use crate::{Volume, VoxelSource};
 use base::output::write_folder;
 use base::{Error, Kind, Result};
 
@@ -20,13 +21,14 @@ const CHUNK: usize = 64;
 /// Level of compression of zstd.
 const EFFORT: i32 = 3;
 
-/// Writes `volume` as float32 to a folder whose name ends in `.zarr`, which appears whole or not at all: Zarr 3 with
-/// chunks of 64³ voxels, and coarser resolutions, each of means of 2³ voxels, down to one chunk. Directions of the axes
+/// Writes a volume as float32 to a folder whose name ends in `.zarr`, which appears whole or not at all: Zarr 3 with
+/// chunks of 64³ voxels, and coarser resolutions, each of means of 2³ voxels, down to one chunk. Voxels are taken by boxes,
+/// so that memory need not hold them. Directions of the axes
 /// are written where they are those of the patient, and the whole affine as an attribute of vgs.
 ///
 /// # Errors
-/// [`Kind::Usage`] for another name ending, and those of [`write_folder`].
-pub fn write(path: impl AsRef<Path>, volume: &Volume, force: bool) -> Result<()> {
+/// [`Kind::Usage`] for another name ending, those of the source, and those of [`write_folder`].
+pub fn write(path: impl AsRef<Path>, volume: &dyn VoxelSource, force: bool) -> Result<()> {
     let path = path.as_ref();
     if !path.extension().is_some_and(|e| e.eq_ignore_ascii_case("zarr")) {
         let message = "the name of an OME-Zarr output must end in .zarr";
@@ -39,17 +41,23 @@ pub fn write(path: impl AsRef<Path>, volume: &Volume, force: bool) -> Result<()>
                 .help("free some space or choose another folder")
         };
         let store = Arc::new(Store::in_folder(folder));
-        let mut level = std::borrow::Cow::Borrowed(volume);
-        let mut levels = Vec::new();
-        loop {
-            write_array(&store, &levels.len().to_string(), &level).map_err(|e| failed(&e))?;
-            levels.push(level.world_from_voxel);
-            if level.size.iter().all(|&side| side <= CHUNK) {
-                break;
-            }
-            level = std::borrow::Cow::Owned(level.coarsened(2));
+        let mut size = volume.grid().size;
+        let mut finer = write_array(&store, 0, size, &|first, size| volume.read_box(first, size), &failed)?;
+        let mut levels = 1;
+        while size.iter().any(|&side| side > CHUNK) {
+            let (all, coarse) = (size, size.map(|side| side.div_ceil(2)));
+            let means = |first: [usize; 3], size: [usize; 3]| {
+                let first = first.map(|at| 2 * at);
+                let size = [0, 1, 2].map(|k| (2 * size[k]).min(all[k] - first[k]));
+                let ranges = [2, 1, 0].map(|k| first[k] as u64..(first[k] + size[k]) as u64);
+                let samples = finer.retrieve_array_subset(&ArraySubset::new_with_ranges(&ranges));
+                let samples: Vec<f32> = samples.map_err(|e| failed(&e))?;
+                Ok(Volume::new(size, DAffine3::IDENTITY, samples).coarsened(2))
+            };
+            finer = write_array(&store, levels, coarse, &means, &failed)?;
+            (size, levels) = (coarse, levels + 1);
         }
-        let attributes = attributes(volume, levels.len());
+        let attributes = attributes(&volume.read_box([0; 3], [1; 3])?, levels);
         let mut group = GroupBuilder::new();
         group.attributes(attributes.as_object().cloned().unwrap_or_default());
         let group = group.build(Arc::clone(&store), "/").map_err(|e| failed(&e))?;
@@ -57,38 +65,35 @@ pub fn write(path: impl AsRef<Path>, volume: &Volume, force: bool) -> Result<()>
     })
 }
 
+/// Writes a level of `size` voxels, of which `read` returns those of a box, and returns it.
 fn write_array(
     store: &Arc<Store>,
-    name: &str,
-    volume: &Volume,
-) -> std::result::Result<(), Box<dyn std::error::Error>> {
-    let [nx, ny, nz] = volume.size;
-    let chunk = volume.size.map(|side| side.min(CHUNK));
-    let [cx, cy, cz] = chunk;
+    level: usize,
+    size: [usize; 3],
+    read: &(dyn Fn([usize; 3], [usize; 3]) -> Result<Volume> + Sync),
+    failed: &(dyn Fn(&dyn std::fmt::Display) -> Error + Sync),
+) -> Result<Array<Store>> {
+    let chunk = size.map(|side| side.min(CHUNK));
     let of_axes = |[x, y, z]: [usize; 3]| vec![z as u64, y as u64, x as u64];
-    let mut builder = ArrayBuilder::new(of_axes(volume.size), of_axes(chunk), data_type::float32(), 0.0_f32);
+    let mut builder = ArrayBuilder::new(of_axes(size), of_axes(chunk), data_type::float32(), 0.0_f32);
     builder.bytes_to_bytes_codecs(vec![Arc::new(ZstdCodec::new(EFFORT, false))]);
     builder.dimension_names(["z", "y", "x"].into());
-    let array = builder.build(Arc::clone(store), &format!("/{name}"))?;
-    array.store_metadata()?;
-    let mut values = vec![0.0_f32; cx * cy * cz];
-    for k in 0..nz.div_ceil(cz) {
-        for j in 0..ny.div_ceil(cy) {
-            for i in 0..nx.div_ceil(cx) {
-                values.fill(0.0);
-                let width = cx.min(nx - i * cx);
-                for z in 0..cz.min(nz - k * cz) {
-                    for y in 0..cy.min(ny - j * cy) {
-                        let from = volume.index(i * cx, j * cy + y, k * cz + z);
-                        let to = cx * (y + cy * z);
-                        values[to..to + width].copy_from_slice(&volume.samples[from..from + width]);
-                    }
-                }
-                array.store_chunk(&[k as u64, j as u64, i as u64], values.as_slice())?;
-            }
+    let array = builder.build(Arc::clone(store), &format!("/{level}")).map_err(|e| failed(&e))?;
+    array.store_metadata().map_err(|e| failed(&e))?;
+    let counts = [0, 1, 2].map(|k| size[k].div_ceil(chunk[k]));
+    (0..counts.iter().product()).into_par_iter().try_for_each(|i: usize| {
+        let place = [i % counts[0], i / counts[0] % counts[1], i / (counts[0] * counts[1])];
+        let first = [0, 1, 2].map(|k| place[k] * chunk[k]);
+        let part = [0, 1, 2].map(|k| chunk[k].min(size[k] - first[k]));
+        let samples = read(first, part)?.samples;
+        let mut values = vec![0.0_f32; chunk.iter().product()];
+        for (row, samples) in samples.chunks(part[0]).enumerate() {
+            let (y, z) = (row % part[1], row / part[1]);
+            values[chunk[0] * (y + chunk[1] * z)..][..part[0]].copy_from_slice(samples);
         }
-    }
-    Ok(())
+        array.store_chunk(&of_axes(place), values.as_slice()).map_err(|e| failed(&e))
+    })?;
+    Ok(array)
 }
 
 fn attributes(volume: &Volume, levels: usize) -> Value {

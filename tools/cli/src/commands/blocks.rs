@@ -6,6 +6,7 @@ use clap::{ArgGroup, Args};
 use engine::output::write_atomic;
 use engine::volume::{Grid, LabelChoice, Roi, Volume, VoxelSource};
 use engine::{Error, Kind, Result, splat};
+use rayon::prelude::*;
 
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
@@ -50,6 +51,9 @@ Examples:
 A block is fitted to the region inside of it alone, and shown there alone, so blocks need not know of each other: they can be
 fitted in any order, by --shard also at once, and show no seam. Memory holds one block and the next.";
 
+/// Voxels of the boxes that are read at once: 128 MB of them, and as much again of the region.
+const AT_ONCE: usize = 1 << 25;
+
 /// A block that has voxels of the region.
 struct Block {
     /// The first voxel, and the one behind the last, along x, y, z, of the box around the region in the block.
@@ -77,23 +81,14 @@ pub fn run(arguments: &BlocksArguments, console: &Console) -> std::result::Resul
             .into());
     }
     let _waiting = Waiting::on(format!("looking for the region in {}", arguments.volume.display()));
+    let source = mask.as_deref().unwrap_or(&*volume);
+    let edge = arguments.edge as usize;
+    let all: Vec<_> = boxes(&grid, edge, arguments.read.voxels).collect();
     let mut blocks = Vec::new();
-    for ends in boxes(&grid, arguments.edge as usize, arguments.read.voxels) {
-        let roi = match arguments.roi_threshold {
-            Some([low, high]) => Roi::from_threshold(&boxed(&*volume, ends)?, low, high),
-            None => {
-                let mask = boxed(mask.as_deref().unwrap_or(&*volume), ends)?;
-                let nothing = Volume::new(mask.size, mask.world_from_voxel, vec![0.0; mask.len()]);
-                Roi::from_mask(&mask, &LabelChoice::Whole, &nothing)
-            }
-        };
-        match roi {
-            Ok(roi) => blocks.push(Block::around(&roi, ends)),
-            Err(error) if error.kind == Kind::NothingToDo => {}
-            Err(error) => {
-                return Err(error.or_file(arguments.roi.as_ref().unwrap_or(&arguments.volume)).into());
-            }
-        }
+    for some in all.chunks((AT_ONCE / edge.pow(3)).max(1)) {
+        let found: Result<Vec<_>> = some.par_iter().map(|&ends| arguments.block(source, ends)).collect();
+        let found = found.map_err(|e| e.or_file(arguments.roi.as_ref().unwrap_or(&arguments.volume)))?;
+        blocks.extend(found.into_iter().flatten());
     }
     if blocks.is_empty() {
         let message = "the region of interest is empty";
@@ -144,10 +139,6 @@ fn boxes(grid: &Grid, edge: usize, within: Option<[[usize; 2]; 3]>) -> impl Iter
     })
 }
 
-fn boxed(source: &dyn VoxelSource, ends: [[usize; 2]; 3]) -> Result<Volume> {
-    source.read_box(ends.map(|[first, _]| first), ends.map(|[first, end]| end - first))
-}
-
 impl Block {
     fn around(roi: &Roi, ends: [[usize; 2]; 3]) -> Block {
         let [nx, ny, _] = roi.size;
@@ -164,6 +155,29 @@ impl Block {
 }
 
 impl BlocksArguments {
+    /// Returns the block of a box of the mask, or of the volume where there is a threshold; `None` if it has nothing of the
+    /// region.
+    fn block(&self, source: &dyn VoxelSource, ends: [[usize; 2]; 3]) -> Result<Option<Block>> {
+        let (first, size) = (ends.map(|[first, _]| first), ends.map(|[first, end]| end - first));
+        let is_outside = |value: f32| match self.roi_threshold {
+            Some([low, high]) => !(low..=high).contains(&value),
+            None => value == 0.0,
+        };
+        if source.known(first, size).is_some_and(is_outside) {
+            return Ok(None);
+        }
+        let voxels = source.read_box(first, size)?;
+        let roi = match self.roi_threshold {
+            Some([low, high]) => Roi::from_threshold(&voxels, low, high),
+            None => Roi::from_mask(&voxels, &LabelChoice::Whole, &voxels),
+        };
+        match roi {
+            Ok(roi) => Ok(Some(Block::around(&roi, ends))),
+            Err(error) if error.kind == Kind::NothingToDo => Ok(None),
+            Err(error) => Err(error),
+        }
+    }
+
     /// Returns the cases, a row for each block.
     fn table(&self, blocks: &[Block]) -> Result<String> {
         let absolute = |path: &Path| {

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::Args;
+use engine::volume;
 use engine::volume::phantom::Phantom;
-use engine::volume::{self, Volume};
 use engine::{Error, Kind};
 use glam::DVec3;
 
@@ -12,6 +12,7 @@ use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::flags::spacing;
 use crate::shared::outputs;
+use crate::shared::waiting::Waiting;
 
 /// Writes a synthetic CT (body, bone, contrast-filled vessels) and the mask of its bone and vessels
 #[derive(Args, Debug)]
@@ -43,8 +44,11 @@ Examples:
   vgs phantom -o ct.nii.gz --mask mask.nii.gz --size 128 --spacing 0.8 --seed 3
   vgs fit phantom/ct.nii.gz --roi phantom/mask.nii.gz -o phantom/splats.ply";
 
-/// Voxels of the largest phantom: 2 GiB as the reader takes them by default.
+/// Voxels of the largest phantom in one file: 2 GiB as the reader takes them by default.
 const MOST_VOXELS: usize = 1 << 29;
+
+/// Voxels of the longest edge.
+const MOST_EDGE: usize = 1 << 13;
 
 fn size(text: &str) -> Result<[usize; 3], String> {
     let numbers: Result<Vec<usize>, _> = text.split(',').map(|t| t.trim().parse::<usize>()).collect();
@@ -53,10 +57,9 @@ fn size(text: &str) -> Result<[usize; 3], String> {
         Ok(&[x, y, z]) => [x, y, z],
         _ => return Err("one whole number or three with commas between are needed".into()),
     };
-    let voxels = size.iter().try_fold(1usize, |product, &n| product.checked_mul(n));
-    match voxels {
-        Some(n) if n > 0 && n <= MOST_VOXELS => Ok(size),
-        _ => Err(format!("1 to {MOST_VOXELS} voxels in all")),
+    match size.iter().all(|n| (1..=MOST_EDGE).contains(n)) {
+        true => Ok(size),
+        false => Err(format!("1 to {MOST_EDGE} voxels along each axis")),
     }
 }
 
@@ -79,13 +82,19 @@ pub fn run(arguments: &PhantomArguments, console: &Console) -> Result<u8, Stop> 
     files.extend(mask.as_deref());
     outputs::check(&files, &[], arguments.force)?;
 
+    let count: usize = arguments.size.iter().product();
+    if let Some(file) = files.iter().find(|file| count > MOST_VOXELS && !volume::is_zarr(file)) {
+        let message = format!("{count} voxels in one file, which can have {MOST_VOXELS}");
+        let error = Error::new(Kind::Usage, "VGS-CLI-193", message).file(*file);
+        return Err(error.help("name outputs that end in .zarr, or choose a smaller --size").into());
+    }
+
     let phantom = Phantom::new(arguments.size, arguments.spacing, arguments.seed);
-    let volume = phantom.volume();
-    let roi = phantom.roi()?;
-    let voxels = roi.voxel_count();
-    volume::write(&ct, &volume, arguments.force)?;
+    let voxels = phantom.roi_voxels()?;
+    let _waiting = Waiting::on(format!("writing {}", ct.display()));
+    volume::write_by_boxes(&ct, &phantom.ct(), arguments.force)?;
     if let Some(path) = &mask {
-        volume::write(path, &Volume { samples: roi.weight, ..volume }, arguments.force)?;
+        volume::write_by_boxes(path, &phantom.mask(), arguments.force)?;
     }
     let written: Vec<_> = files.iter().map(|p| p.display().to_string()).collect();
     if console.json {
@@ -108,7 +117,7 @@ mod tests {
     fn sizes() {
         assert_eq!(super::size("5"), Ok([5; 3]));
         assert_eq!(super::size("5, 6,7"), Ok([5, 6, 7]));
-        for text in ["", "0", "1,2", "-1", "100000", "4294967296,4294967296,4294967296", "a"] {
+        for text in ["", "0", "1,2", "-1", "8193", "4294967296,4294967296,4294967296", "a"] {
             assert!(super::size(text).is_err(), "{text}");
         }
     }
