@@ -2,7 +2,8 @@
 
 use std::path::Path;
 
-use super::Volume;
+use super::{Volume, VoxelSource};
+use base::Result;
 use base::unit::Unit;
 
 /// HU below which there is air only, or what a scanner puts outside of its field.
@@ -15,6 +16,8 @@ const TISSUE: [f32; 2] = [-150.0, 300.0];
 const FAT: f32 = -10.0;
 /// Part of the great samples that the least ones exceed in a CT; those that a resampling of an MR leaves below 0 do not.
 const OVERSHOOT: f32 = 0.02;
+/// Edge of the boxes of a large volume that are looked at, voxels.
+const BOX: usize = 128;
 /// The most samples that are looked at for the shares below.
 const LOOKED_AT: usize = 100_000;
 
@@ -97,6 +100,35 @@ impl Volume {
     }
 }
 
+/// Returns what the intensities of a volume at `path` are numbers of, without having all of it in memory: HU if one of
+/// its boxes is certainly of a CT, otherwise what most of them look like.
+///
+/// # Errors
+/// Those of the source.
+pub fn unit_by_boxes(volume: &dyn VoxelSource, path: &Path) -> Result<Unit> {
+    let all = volume.grid().size;
+    let counts = all.map(|n| n.div_ceil(BOX));
+    let (mut boxes, mut hu) = (0, 0);
+    for i in 0..counts.iter().product() {
+        let place = [i % counts[0], i / counts[0] % counts[1], i / (counts[0] * counts[1])];
+        let first = place.map(|at| at * BOX);
+        let size = [0, 1, 2].map(|k| BOX.min(all[k] - first[k]));
+        match volume.known(first, size) {
+            Some(value) if value < AIR => return Ok(Unit::Hu),
+            Some(_) => continue,
+            None => {}
+        }
+        let mut part = volume.read_box(first, size)?;
+        part.learn_unit_from(path);
+        if part.is_ct() && part.unit_doubt().is_none() {
+            return Ok(Unit::Hu);
+        }
+        boxes += 1;
+        hu += usize::from(part.is_ct());
+    }
+    Ok(if 2 * hu > boxes { Unit::Hu } else { Unit::Arbitrary })
+}
+
 /// Returns the unit that the words of a file's name suggest; `None` if they suggest none, or two.
 fn unit_of_name(path: &Path) -> Option<Unit> {
     let name = path.file_name().unwrap_or_default().to_string_lossy().to_lowercase();
@@ -113,6 +145,7 @@ mod tests {
     use glam::DAffine3;
 
     use super::*;
+    use crate::Grid;
 
     fn volume(value: impl Fn(usize) -> f32) -> Volume {
         Volume::new([20, 20, 20], DAffine3::IDENTITY, (0..8000).map(value).collect())
@@ -121,6 +154,35 @@ mod tests {
     /// Half of the voxels filled, the rest spread evenly from `low` to `high`.
     fn spread(fill: f32, low: f32, high: f32) -> Volume {
         volume(|i| if i % 2 == 0 { fill } else { (low + (high - low) * i as f32 / 8000.0).round() })
+    }
+
+    /// A file, whose boxes do not know what the others have.
+    struct File(Volume);
+
+    impl VoxelSource for File {
+        fn grid(&self) -> Grid {
+            self.0.grid()
+        }
+
+        fn read_box(&self, first: [usize; 3], size: [usize; 3]) -> Result<Volume> {
+            Ok(Volume { stated_unit: None, ..self.0.cropped(first, size) })
+        }
+    }
+
+    #[test]
+    fn one_box_of_air_tells_that_a_large_volume_is_a_ct() {
+        let soft = |i: usize| 1.0 + (i * 7919 % 500) as f32;
+        let at = |air: bool, i: usize| if air && i % 300 > 290 { -1000.0 } else { soft(i) };
+        for (air, unit) in [(true, Unit::Hu), (false, Unit::Arbitrary)] {
+            let samples = (0..120_000).map(|i| at(air, i)).collect();
+            let file = File(Volume::new([300, 20, 20], DAffine3::IDENTITY, samples));
+            let first = file.read_box([0; 3], [128, 20, 20]).unwrap();
+            assert_eq!(first.unit(), Unit::Arbitrary, "the first box has no air");
+            assert_eq!(unit_by_boxes(&file, Path::new("scan.zarr")).unwrap(), unit);
+            assert_eq!(unit_by_boxes(&file, Path::new("ct.zarr")).unwrap(), Unit::Hu, "by its name");
+        }
+        let brain = File(spread(0.0, -25.0, 85.0));
+        assert_eq!(unit_by_boxes(&brain, Path::new("a.nii")).unwrap(), Unit::Hu);
     }
 
     #[test]

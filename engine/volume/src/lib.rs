@@ -71,6 +71,7 @@ pub use fields::FieldRow;
 pub use formats::{FORMATS, Format, check_output, files_of, is_zarr, levels, write, write_by_boxes};
 pub use grid::{Grid, PartOf};
 pub use interpolation::trilinear;
+pub use kind_of_scan::unit_by_boxes;
 pub use label_choice::LabelChoice;
 pub use labels::Labels;
 pub use present::PresentLabel;

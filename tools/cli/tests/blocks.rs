@@ -14,6 +14,10 @@ fn blocks_are_cases_that_go_together() {
     assert!((2..=8).contains(&count), "{told}");
     let rows = folder.text("blocks.csv").lines().count() as u64 - 1;
     assert_eq!(rows, count);
+    // A block inside of the body, without air, could not tell what its numbers are.
+    let table = folder.text("blocks.csv");
+    assert!(table.lines().next().is_some_and(|names| names.ends_with(",unit")), "{table}");
+    assert!(table.lines().skip(1).all(|row| row.ends_with(",hu")), "{table}");
     // By two processes, and again by one, for which nothing is left.
     let batch = |more: &[&'static str]| {
         let all = [&["batch", "blocks.csv", "-o", "out", "--format", "vgs"], more, &["--"], &QUICK].concat();

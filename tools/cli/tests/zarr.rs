@@ -61,3 +61,26 @@ fn rasterized_splats_are_written_as_zarr() {
     let wrong = rasterize("field.zip", &[]);
     assert!(wrong.code == 2 && wrong.err.contains(".zarr"), "{}", wrong.err);
 }
+
+#[test]
+fn a_phantom_is_the_same_by_boxes() {
+    let folder = Folder::new(16);
+    let phantom = |more: &[&'static str]| folder.run(&[&["phantom"], more].concat());
+    let [zarr, nifti] = [
+        ["-o", "p.zarr", "--mask", "m.zarr", "--size", "70,66,65"],
+        ["-o", "p.nii", "--mask", "m.nii", "--size", "70,66,65"],
+    ];
+    assert_eq!((phantom(&zarr).code, phantom(&nifti).code), (0, 0));
+    for (a, b) in [("p.zarr", "p.nii"), ("m.zarr", "m.nii")] {
+        assert_eq!(folder.run(&["compare", a, b, "--json"]).json()["mse"], 0.0, "{a}");
+    }
+    // Blocks of chunks, some of which are missing because nothing of the mask is there.
+    let table = |scan, mask| {
+        let out = folder.run(&["blocks", scan, "--roi", mask, "-o", "t.csv", "--edge", "16", "-f", "--json"]);
+        let rows = folder.text("t.csv").replace(".zarr", "").replace(".nii", "");
+        (out.json()["voxels"].as_u64(), rows)
+    };
+    assert_eq!(table("p.zarr", "m.zarr"), table("p.nii", "m.nii"));
+    let large = phantom(&["--size", "900", "-o", "large.nii.gz"]);
+    assert!(large.code == 2 && large.err.contains("VGS-CLI-193"), "{}", large.err);
+}

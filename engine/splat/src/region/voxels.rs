@@ -437,6 +437,19 @@ mod tests {
     }
 
     #[test]
+    fn parts_that_lie_far_apart_take_little() {
+        let far = [300, 200, 400];
+        let parts = [[0; 3], [3, 7, 200], far].map(|at| balls(2).within(at));
+        let region = Region::joined(&parts).expect("few objects");
+        let end = [0, 1, 2].map(|k| far[k] + balls(2).bounds()[1][k]);
+        assert_eq!(region.voxel_count(), 3 * balls(2).voxel_count());
+        assert_eq!(region.bounds(), [balls(2).bounds()[0], end]);
+        let bytes = region.encode();
+        assert!(bytes.len() < 4 * balls(2).encode().len(), "{} bytes", bytes.len());
+        assert_eq!(Region::decode(&bytes, end).expect("little memory"), Some(region));
+    }
+
+    #[test]
     fn bytes_that_are_none_are_refused() {
         let region = balls(3);
         let bytes = region.encode();

@@ -177,9 +177,12 @@ fn every_codec_and_type_of_both_versions() {
         array.store_metadata().unwrap();
         array.store_array_subset(&[0..3, 0..4, 0..5], ramp().as_slice()).unwrap();
         assert_eq!(read(&path).unwrap().samples, ramp(), "{codec}");
-        // A chunk that is missing is the fill value.
+        // A chunk that is missing is the fill value, which is known without reading; of one that is there nothing is.
         fs::remove_file(path.join("0/c/1/0/0")).unwrap();
         let found = read(&path).unwrap().samples;
+        let known = |first, size| Volume::open(&path, &ReadOptions::default()).unwrap().known(first, size);
+        assert_eq!(known([0, 0, 2], [4, 4, 1]), Some(-1000.0), "{codec}");
+        assert_eq!((known([0, 0, 1], [4, 4, 2]), known([0, 0, 2], [5, 4, 1])), (None, None), "{codec}");
         let expected = |i: usize, v: f32| if i / 20 == 2 && i % 5 < 4 { -1000.0 } else { v };
         assert!(found.iter().enumerate().all(|(i, v)| *v == expected(i, ramp()[i])), "{codec}");
         // One that is damaged is an error.

@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
 use engine::output::write_atomic;
-use engine::volume::{Grid, LabelChoice, Roi, Volume, VoxelSource};
+use engine::unit::Unit;
+use engine::volume::{self, Grid, LabelChoice, ReadOptions, Roi, Volume, VoxelSource, unit_by_boxes};
 use engine::{Error, Kind, Result, splat};
 use rayon::prelude::*;
 
@@ -54,6 +55,9 @@ fitted in any order, by --shard also at once, and show no seam. Memory holds one
 /// Voxels of the boxes that are read at once: 128 MB of them, and as much again of the region.
 const AT_ONCE: usize = 1 << 25;
 
+/// The resolution, counted from the finest, that tells what the numbers of a volume are.
+const COARSE: usize = 3;
+
 /// A block that has voxels of the region.
 struct Block {
     /// The first voxel, and the one behind the last, along x, y, z, of the box around the region in the block.
@@ -97,7 +101,8 @@ pub fn run(arguments: &BlocksArguments, console: &Console) -> std::result::Resul
             .help("check the mask or the threshold")
             .into());
     }
-    let table = arguments.table(&blocks)?;
+    let unit = arguments.read.unit.map_or_else(|| arguments.unit(&*volume), Ok)?;
+    let table = arguments.table(&blocks, unit)?;
     write_atomic(&arguments.output, arguments.force, |out| out.write_all(table.as_bytes()))?;
     let voxels: usize = blocks.iter().map(|block| block.voxels).sum();
     let most = blocks.iter().map(|block| block.ends.map(|[first, end]| end - first).iter().product()).max();
@@ -169,7 +174,10 @@ impl BlocksArguments {
         let voxels = source.read_box(first, size)?;
         let roi = match self.roi_threshold {
             Some([low, high]) => Roi::from_threshold(&voxels, low, high),
-            None => Roi::from_mask(&voxels, &LabelChoice::Whole, &voxels),
+            None => {
+                let nothing = Volume::new(voxels.size, voxels.world_from_voxel, vec![0.0; voxels.len()]);
+                Roi::from_mask(&voxels, &LabelChoice::Whole, &nothing)
+            }
         };
         match roi {
             Ok(roi) => Ok(Some(Block::around(&roi, ends))),
@@ -178,8 +186,18 @@ impl BlocksArguments {
         }
     }
 
+    /// Returns what the volume has numbers of, by a coarser resolution where there is one. A block could not tell: one
+    /// inside of a body has no air.
+    fn unit(&self, volume: &dyn VoxelSource) -> Result<Unit> {
+        let level = volume::levels(&self.volume)?.len().saturating_sub(1).min(COARSE);
+        let options = ReadOptions { level: Some(level), voxels: None, ..self.read.options() };
+        let is_coarser = level > self.read.level.unwrap_or(0);
+        let coarse = is_coarser.then(|| Volume::open(&self.volume, &options)).transpose()?;
+        unit_by_boxes(coarse.as_deref().unwrap_or(volume), &self.volume).map_err(|e| e.or_file(&self.volume))
+    }
+
     /// Returns the cases, a row for each block.
-    fn table(&self, blocks: &[Block]) -> Result<String> {
+    fn table(&self, blocks: &[Block], unit: Unit) -> Result<String> {
         let absolute = |path: &Path| {
             let path = std::path::absolute(path).map_err(|e| Error::io(path, "naming", &e))?;
             Ok::<_, Error>(path.display().to_string())
@@ -197,7 +215,7 @@ impl BlocksArguments {
         flag("volume-index", read.volume_index.map(|n| n.to_string()));
         flag("series", read.series.clone());
         flag("voxel-mm", read.voxel_mm.map(|mm| format!("{},{},{}", mm.x, mm.y, mm.z)));
-        flag("unit", read.unit.map(|unit| unit.name().to_owned()));
+        flag("unit", Some(unit.name().to_owned()));
         let mut out = csv::Writer::from_writer(Vec::new());
         let names = common.iter().map(|(name, _)| *name);
         let failed = |e: csv::Error| Error::new(Kind::Internal, "VGS-CLI-192", format!("no table: {e}"));

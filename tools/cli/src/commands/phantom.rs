@@ -42,6 +42,7 @@ const EXAMPLES: &str = "\
 Examples:
   vgs phantom -o phantom
   vgs phantom -o ct.nii.gz --mask mask.nii.gz --size 128 --spacing 0.8 --seed 3
+  vgs phantom -o scan.zarr --mask bone.zarr --size 2048     # 34 GB that memory never holds
   vgs fit phantom/ct.nii.gz --roi phantom/mask.nii.gz -o phantom/splats.ply";
 
 /// Voxels of the largest phantom in one file: 2 GiB as the reader takes them by default.
