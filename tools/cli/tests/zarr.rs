@@ -23,6 +23,13 @@ fn a_fit_of_zarr_is_that_of_nifti_and_parts_are_parts() {
         assert_eq!((ended.code, ended.err.as_str()), (0, ""));
     }
     assert!(folder.read("a.ply") == folder.read("b.ply"), "the same splats");
+    // Of chunks no more is read for the record than for the fit.
+    let record = |name: &str| {
+        let run: serde_json::Value = serde_json::from_str(&folder.text(name)).expect("JSON");
+        run["inputs"]["roi"]["bytes"].as_u64()
+    };
+    let file = std::fs::metadata(folder.path("mask.nii.gz")).expect("a file").len();
+    assert_eq!([record("a.run.json"), record("b.run.json")], [Some(4 * 12 * 14 * 8), Some(file)]);
     let info = folder.run(&[&["info", "ct.zarr", "--json"], &part[..]].concat()).json();
     assert_eq!(info["size"], serde_json::json!([12, 14, 8]));
     assert_eq!(info["levels"][0]["size"], serde_json::json!([16, 16, 16]));

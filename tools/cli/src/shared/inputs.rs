@@ -9,7 +9,7 @@ use std::time::SystemTime;
 use clap::{ArgGroup, Args};
 use engine::unit::Unit;
 use engine::volume::{
-    Cleaning, FORMATS, Format, LabelChoice, Labels, ReadOptions, Roi, Volume, files_of, npy,
+    self, Cleaning, FORMATS, Format, Grid, LabelChoice, Labels, ReadOptions, Roi, Volume, files_of, npy,
 };
 use engine::{Error, Kind, Result};
 use glam::DVec3;
@@ -287,13 +287,32 @@ fn region_with_mask(
 pub struct InputRecord {
     /// Path as it was given.
     pub path: String,
-    /// Size in bytes.
+    /// Size in bytes; of a part of a store of chunks, that of its voxels.
     pub bytes: u64,
-    /// Hash of the content, hexadecimal.
+    /// Hash of the content, hexadecimal; of a part of a store of chunks, that of its voxels and of where they are.
     pub sha256: String,
 }
 
 impl InputRecord {
+    /// Returns the record of a part of a store of chunks, or of the whole if it is none, or is on another grid than `part`,
+    /// the voxels that the options choose of the volume.
+    pub fn of_part(path: &Path, options: &ReadOptions, part: &Grid) -> Result<InputRecord> {
+        let is_store = !volume::levels(path)?.is_empty();
+        let Some(voxels) = options.voxels.filter(|_| is_store) else { return InputRecord::of(path) };
+        if !Volume::open(path, options)?.grid().has_box(voxels, part) {
+            return InputRecord::of(path);
+        }
+        let part = Volume::read(path, options)?;
+        let mut hash = Sha256::new();
+        part.size.iter().for_each(|&n| hash.update((n as u64).to_le_bytes()));
+        part.world_from_voxel.to_cols_array().iter().for_each(|x| hash.update(x.to_le_bytes()));
+        for samples in part.samples.chunks(1 << 16) {
+            hash.update(samples.iter().flat_map(|sample| sample.to_le_bytes()).collect::<Vec<u8>>());
+        }
+        let bytes = 4 * part.samples.len() as u64;
+        Ok(InputRecord { path: path.display().to_string(), bytes, sha256: hexadecimal(hash) })
+    }
+
     /// Reads a file once more, for its hash, and then the file of voxels that it names, if it is a header; for a
     /// folder all files within it, in the order of their names.
     pub fn of(path: &Path) -> Result<InputRecord> {
@@ -325,10 +344,14 @@ impl InputRecord {
                 bytes += n as u64;
             }
         }
-        let sha256: String = hash.finalize().iter().map(|b| format!("{b:02x}")).collect();
+        let sha256 = hexadecimal(hash);
         KNOWN.lock().unwrap_or_else(PoisonError::into_inner).insert(files, (stamp, bytes, sha256.clone()));
         Ok(InputRecord { path: path.display().to_string(), bytes, sha256 })
     }
+}
+
+fn hexadecimal(hash: Sha256) -> String {
+    hash.finalize().iter().map(|b| format!("{b:02x}")).collect()
 }
 
 /// Sizes of files and the times of their last changes.

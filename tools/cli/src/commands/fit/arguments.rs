@@ -6,6 +6,7 @@ use std::time::Duration;
 
 use clap::Args;
 use engine::Result;
+use engine::volume::{self, ReadOptions, Volume};
 
 use super::checkpoint::CheckpointArguments;
 use super::settings::SettingsArguments;
@@ -106,11 +107,26 @@ impl FitArguments {
         self.time_budget.is_some() || self.max_size.is_some()
     }
 
-    /// Returns the records of the input files.
+    /// Returns the records of the input files; of stores of chunks, those of the part that is read.
     pub fn input_records(&self) -> Result<BTreeMap<&'static str, InputRecord>> {
-        let mut records = BTreeMap::from([("volume", InputRecord::of(&self.volume)?)]);
+        let options = self.read.options();
+        // Of other files the whole is read in any case.
+        let is_store = !volume::levels(&self.volume)?.is_empty();
+        let grid_of = |[first, size]: [[usize; 3]; 2]| {
+            Volume::open(&self.volume, &options).map(|volume| volume.grid().of_box(first, size))
+        };
+        let voxels = self.read.voxels.filter(|_| is_store);
+        let voxels = voxels
+            .map(|ends| [ends.map(|[first, _]| first), ends.map(|[first, end]| end.saturating_sub(first))]);
+        let part = voxels.map(grid_of).transpose()?;
+        let record = |path: &Path, options: &ReadOptions| match &part {
+            Some(part) => InputRecord::of_part(path, options, part),
+            None => InputRecord::of(path),
+        };
+        let mut records = BTreeMap::from([("volume", record(&self.volume, &options)?)]);
         if let Some(mask) = &self.region.roi {
-            records.insert("roi", InputRecord::of(mask)?);
+            let single = ReadOptions { volume_index: None, series: None, ..options };
+            records.insert("roi", record(mask, &single)?);
         }
         Ok(records)
     }
