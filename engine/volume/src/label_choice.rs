@@ -37,6 +37,22 @@ impl LabelChoice {
         let numbers: Result<Vec<_>> = asked.iter().map(|asked| numbers_of(asked, &labels)).collect();
         Ok(numbers?.into_iter().flatten().collect())
     }
+
+    /// Returns the numbers of the labels of a mask, or of a part of one, that each entry of the choice stands for; what
+    /// has no voxel there is left out.
+    ///
+    /// # Errors
+    /// [`Kind::Usage`] if a name may mean several, or the mask has too many values to be labels.
+    pub fn present_in(&self, mask: &Volume) -> Result<Vec<Vec<i32>>> {
+        let LabelChoice::Labels(asked) = self else { return Ok(Vec::new()) };
+        let Some(present) = present_labels(mask) else {
+            let message = format!("the mask has no label '{}'", asked.join(","));
+            return Err(Error::new(Kind::Usage, "VGS-ROI-010", message).help(there_are(mask, "")));
+        };
+        let name = |label: &i32| mask.labels.get(label).map(String::as_str).into_iter().collect();
+        let labels: Vec<Numbered<'_>> = present.keys().map(|label| (*label, name(label))).collect();
+        asked.iter().map(|asked| numbers_of(asked, &labels)).collect()
+    }
 }
 
 /// Returns the numbers that an entry of a choice stands for among these labels, as [`names::chosen`] says.

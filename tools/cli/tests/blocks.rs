@@ -1,5 +1,9 @@
 //! `vgs blocks`: a region that is fitted in blocks, and shown as one.
 
+use std::collections::BTreeSet;
+
+use engine::volume::{Volume, write};
+
 use crate::support::{Folder, QUICK};
 
 fn blocks<'a>(more: &[&'a str]) -> Vec<&'a str> {
@@ -57,6 +61,44 @@ fn blocks_are_cases_that_go_together() {
     // Each is measured by the whole volume, without a doubt of what it was fitted to.
     let eval = folder.run(&["eval", files[0], "ct.nii.gz", "--roi", "mask.nii.gz", "--json"]);
     assert_eq!((eval.code, eval.err.as_str()), (0, ""));
+}
+
+#[test]
+fn a_block_has_the_labels_that_it_has() {
+    let folder = Folder::new(32);
+    let mask = Volume::read(folder.path("mask.nii.gz"), &Default::default()).expect("a mask");
+    let label = |(i, &inside): (usize, &f32)| if i % 32 < 16 { 3.0 * inside } else { 8.0 * inside };
+    let samples = mask.samples.iter().enumerate().map(label).collect();
+    write(&folder.path("labels.nii.gz"), &Volume { samples, ..mask }, false).expect("a mask");
+    let blocks = |labels: &'static str| {
+        let all = ["blocks", "ct.nii.gz", "--roi", "labels.nii.gz", "--edge", "16", "-f", "-o", "blocks.csv"];
+        folder.run(&[&all[..], &["--roi-label", labels]].concat())
+    };
+    assert_eq!(blocks("8,1-9").code, 0);
+    let table = folder.text("blocks.csv");
+    for row in table.lines().skip(1) {
+        let [name, label] =
+            [0, row.find('"').map_or(0, |at| at + row[at + 1..].find('"').expect("quotes") + 3)]
+                .map(|at| row[at..].split(',').next().expect("a column"));
+        let first: usize = name[1..6].parse().expect("a number");
+        assert_eq!(label, if first < 16 { "3" } else { "8" }, "{row}");
+    }
+    let batch = ["batch", "blocks.csv", "-o", "out", "--format", "vgs", "--"];
+    assert_eq!(folder.run(&[&batch[..], &QUICK].concat()).code, 0);
+    let files: Vec<String> = std::fs::read_dir(folder.path("out"))
+        .expect("a folder")
+        .map(|entry| entry.expect("a file").path().display().to_string())
+        .filter(|path| path.ends_with(".vgs"))
+        .collect();
+    let files: Vec<&str> = files.iter().map(String::as_str).collect();
+    let told = folder.run(&[&["stats"], &files[..], &["--json"]].concat()).json();
+    let names: BTreeSet<&str> =
+        told["objects"].as_array().expect("objects").iter().filter_map(|o| o["name"].as_str()).collect();
+    assert!(names.iter().all(|name| name.contains("label 3") || name.contains("label 8")), "{names:?}");
+    let missing = blocks("3,5");
+    assert!(missing.code == 2 && missing.err.contains("VGS-CLI-194"), "{}", missing.err);
+    let missing = blocks("liver");
+    assert!(missing.code == 2 && missing.err.contains("label 'liver'"), "{}", missing.err);
 }
 
 #[test]

@@ -1,5 +1,6 @@
 //! Divides the region of a large scan into blocks, as cases of a batch (`vgs blocks`).
 
+use std::collections::BTreeSet;
 use std::path::{Path, PathBuf};
 
 use clap::{ArgGroup, Args};
@@ -23,9 +24,13 @@ use crate::shared::waiting::Waiting;
 pub struct BlocksArguments {
     /// The volume: OME-Zarr, or a file that is not compressed; of others each block is read whole
     volume: PathBuf,
-    /// Mask of one structure, on the grid of the volume
+    /// Mask on the grid of the volume
     #[arg(long, value_name = "MASK", help_heading = "Region of interest")]
     roi: Option<PathBuf>,
+    /// Which labels of the mask, with commas between them: numbers, names, ranges (1-24), patterns (rib_*) or all; each
+    /// block gets those that it has
+    #[arg(long, value_name = "N|NAME|...", requires = "roi", help_heading = "Region of interest")]
+    roi_label: Option<LabelChoice>,
     /// Instead of a mask: the voxels from LOW to HIGH, HU
     #[arg(long, value_name = "LOW,HIGH", value_parser = pair, allow_hyphen_values = true,
           help_heading = "Region of interest")]
@@ -46,6 +51,7 @@ pub struct BlocksArguments {
 const EXAMPLES: &str = "\
 Examples:
   vgs blocks scan.zarr --roi scan.zarr/labels/bone -o blocks.csv
+  vgs blocks scan.zarr --roi scan.zarr/labels/organs --roi-label liver,aorta -o blocks.csv
   vgs batch blocks.csv -o bone --format vgs -- --quality standard
   vgs view bone/*.vgs
 
@@ -64,6 +70,8 @@ struct Block {
     ends: [[usize; 2]; 3],
     /// Voxels of the region.
     voxels: usize,
+    /// The labels that the block has of each entry of the choice.
+    labels: Vec<Vec<i32>>,
 }
 
 /// Runs the command.
@@ -94,11 +102,12 @@ pub fn run(arguments: &BlocksArguments, console: &Console) -> std::result::Resul
         let found = found.map_err(|e| e.or_file(arguments.roi.as_ref().unwrap_or(&arguments.volume)))?;
         blocks.extend(found.into_iter().flatten());
     }
+    arguments.check_labels(&blocks)?;
     if blocks.is_empty() {
         let message = "the region of interest is empty";
         return Err(Error::new(Kind::NothingToDo, "VGS-CLI-191", message)
             .file(&arguments.volume)
-            .help("check the mask or the threshold")
+            .help("check the mask, the labels or the threshold")
             .into());
     }
     let unit = arguments.read.unit.map_or_else(|| arguments.unit(&*volume), Ok)?;
@@ -145,7 +154,7 @@ fn boxes(grid: &Grid, edge: usize, within: Option<[[usize; 2]; 3]>) -> impl Iter
 }
 
 impl Block {
-    fn around(roi: &Roi, ends: [[usize; 2]; 3]) -> Block {
+    fn around(roi: &Roi, ends: [[usize; 2]; 3], labels: Vec<Vec<i32>>) -> Block {
         let [nx, ny, _] = roi.size;
         let (mut low, mut high) = (roi.size, [0; 3]);
         let mut voxels = 0;
@@ -155,7 +164,7 @@ impl Block {
             high = std::array::from_fn(|k| high[k].max(at[k] + 1));
             voxels += 1;
         }
-        Block { ends: std::array::from_fn(|k| [ends[k][0] + low[k], ends[k][0] + high[k]]), voxels }
+        Block { ends: std::array::from_fn(|k| [ends[k][0] + low[k], ends[k][0] + high[k]]), voxels, labels }
     }
 }
 
@@ -172,18 +181,36 @@ impl BlocksArguments {
             return Ok(None);
         }
         let voxels = source.read_box(first, size)?;
-        let roi = match self.roi_threshold {
-            Some([low, high]) => Roi::from_threshold(&voxels, low, high),
-            None => {
+        let labels = self.roi_label.as_ref().map(|choice| choice.present_in(&voxels)).transpose()?;
+        let roi = match (self.roi_threshold, &labels) {
+            (Some([low, high]), _) => Roi::from_threshold(&voxels, low, high),
+            (None, Some(labels)) if labels.iter().all(Vec::is_empty) => return Ok(None),
+            (None, labels) => {
+                let numbers = |labels: &Vec<Vec<i32>>| labels.iter().flatten().map(i32::to_string).collect();
+                let choice =
+                    labels.as_ref().map_or(LabelChoice::Whole, |of| LabelChoice::Labels(numbers(of)));
                 let nothing = Volume::new(voxels.size, voxels.world_from_voxel, vec![0.0; voxels.len()]);
-                Roi::from_mask(&voxels, &LabelChoice::Whole, &nothing)
+                Roi::from_mask(&voxels, &choice, &nothing)
             }
         };
         match roi {
-            Ok(roi) => Ok(Some(Block::around(&roi, ends))),
+            Ok(roi) => Ok(Some(Block::around(&roi, ends, labels.unwrap_or_default()))),
             Err(error) if error.kind == Kind::NothingToDo => Ok(None),
             Err(error) => Err(error),
         }
+    }
+
+    /// Fails if something of the choice of labels is in no block.
+    fn check_labels(&self, blocks: &[Block]) -> Result<()> {
+        let (Some(LabelChoice::Labels(asked)), Some(path)) = (&self.roi_label, &self.roi) else {
+            return Ok(());
+        };
+        let is_there = |entry: usize| blocks.iter().any(|block| !block.labels[entry].is_empty());
+        let Some(missing) = (0..asked.len()).find(|&entry| !is_there(entry)) else { return Ok(()) };
+        let message = format!("the mask has no voxel of the label '{}'", asked[missing]);
+        Err(Error::new(Kind::Usage, "VGS-CLI-194", message)
+            .file(path)
+            .help("`vgs info` of the mask lists its labels"))
     }
 
     /// Returns what the volume has numbers of, by a coarser resolution where there is one. A block could not tell: one
@@ -219,13 +246,18 @@ impl BlocksArguments {
         let mut out = csv::Writer::from_writer(Vec::new());
         let names = common.iter().map(|(name, _)| *name);
         let failed = |e: csv::Error| Error::new(Kind::Internal, "VGS-CLI-192", format!("no table: {e}"));
-        out.write_record(["name", "voxels"].into_iter().chain(names)).map_err(failed)?;
-        for Block { ends, .. } in blocks {
+        let own = self.roi_label.as_ref().map(|_| "roi-label");
+        out.write_record(["name", "voxels"].into_iter().chain(own).chain(names)).map_err(failed)?;
+        for Block { ends, labels, .. } in blocks {
             let [x, y, z] = ends;
             let name = splat::block_name(ends.map(|[first, _]| first));
             let voxels = format!("{}:{},{}:{},{}:{}", x[0], x[1], y[0], y[1], z[0], z[1]);
             let values = common.iter().map(|(_, value)| value.as_str());
-            out.write_record([name.as_str(), &voxels].into_iter().chain(values)).map_err(failed)?;
+            let labels: BTreeSet<i32> = labels.iter().flatten().copied().collect();
+            let labels = labels.iter().map(i32::to_string).collect::<Vec<_>>().join(",");
+            let own = own.map(|_| labels.as_str());
+            out.write_record([name.as_str(), &voxels].into_iter().chain(own).chain(values))
+                .map_err(failed)?;
         }
         let table = out.into_inner().unwrap_or_default();
         Ok(String::from_utf8_lossy(&table).into_owned())
