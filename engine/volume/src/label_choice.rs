@@ -46,8 +46,7 @@ impl LabelChoice {
     pub fn present_in(&self, mask: &Volume) -> Result<Vec<Vec<i32>>> {
         let LabelChoice::Labels(asked) = self else { return Ok(Vec::new()) };
         let Some(present) = present_labels(mask) else {
-            let message = format!("the mask has no label '{}'", asked.join(","));
-            return Err(Error::new(Kind::Usage, "VGS-ROI-010", message).help(there_are(mask, "")));
+            return Err(lacks(mask, "has no label", &asked.join(",")));
         };
         let name = |label: &i32| mask.labels.get(label).map(String::as_str).into_iter().collect();
         let labels: Vec<Numbered<'_>> = present.keys().map(|label| (*label, name(label))).collect();
@@ -118,6 +117,12 @@ pub(super) fn there_are(mask: &Volume, asked: &str) -> String {
     format!("{meant}`vgs info` of the mask lists its {} labels", present.len())
 }
 
+/// Returns the error of a choice that the mask does not have, and why.
+fn lacks(mask: &Volume, why: &str, asked: &str) -> Error {
+    let message = format!("the mask {why} '{asked}'");
+    Error::new(Kind::Usage, "VGS-ROI-010", message).help(there_are(mask, asked))
+}
+
 /// Returns the numbers of the labels of a mask that are chosen by `asked`.
 pub(super) fn resolve(asked: &[String], mask: &Volume) -> Result<Vec<i32>> {
     let present = present_labels(mask);
@@ -138,8 +143,7 @@ pub(super) fn resolve(asked: &[String], mask: &Volume) -> Result<Vec<i32>> {
         chosen.extend(found.iter().copied().filter(is_there));
         if chosen.len() == before {
             let why = if found.is_empty() { "has no label" } else { "has no voxel of the label" };
-            let message = format!("the mask {why} '{asked}'");
-            return Err(Error::new(Kind::Usage, "VGS-ROI-010", message).help(there_are(mask, asked)));
+            return Err(lacks(mask, why, asked));
         }
     }
     Ok(chosen)
