@@ -154,17 +154,17 @@ impl Phantom {
 
     /// Returns the scene, which is sampled at the voxel centres of a box when it is read.
     pub fn ct(&self) -> impl VoxelSource + '_ {
-        Sampled { phantom: self, value: |phantom, p| phantom.hu(p) as f32 }
+        Sampled { phantom: self, value: INTENSITY }
     }
 
     /// Returns the region of bone and vessels, which is sampled when it is read.
     pub fn mask(&self) -> impl VoxelSource + '_ {
-        Sampled { phantom: self, value: |phantom, p| f32::from(u8::from(phantom.inside(p))) }
+        Sampled { phantom: self, value: INSIDE }
     }
 
     /// Returns the scene sampled at the voxel centres.
     pub fn volume(&self) -> Volume {
-        self.sampled([0; 3], self.size, |phantom, p| phantom.hu(p) as f32)
+        self.sampled([0; 3], self.size, INTENSITY)
     }
 
     /// Returns the region of bone and vessels on the same grid.
@@ -172,7 +172,7 @@ impl Phantom {
     /// # Errors
     /// [`base::Kind::NothingToDo`] if the grid is so coarse that no voxel centre lies inside.
     pub fn roi(&self) -> Result<Roi> {
-        Roi::new(self.mask().read_box([0; 3], self.size)?.samples, &self.volume())
+        Roi::new(self.sampled([0; 3], self.size, INSIDE).samples, &self.volume())
     }
 
     /// Returns the number of voxels of [`Self::roi`].
@@ -186,7 +186,7 @@ impl Phantom {
             let place = [i % counts[0], i / counts[0] % counts[1], i / (counts[0] * counts[1])];
             let first = place.map(|at| at * BOX);
             let size = [0, 1, 2].map(|k| BOX.min(self.size[k] - first[k]));
-            let inside = self.sampled(first, size, |p, at| f32::from(u8::from(p.inside(at))));
+            let inside = self.sampled(first, size, INSIDE);
             inside.samples.iter().filter(|&&inside| inside > 0.0).count()
         };
         let all = (0..counts.iter().product()).map(voxels).sum();
@@ -194,7 +194,7 @@ impl Phantom {
     }
 
     /// Returns the samples of a box.
-    fn sampled(&self, first: [usize; 3], size: [usize; 3], value: fn(&Phantom, DVec3) -> f32) -> Volume {
+    fn sampled(&self, first: [usize; 3], size: [usize; 3], value: Value) -> Volume {
         let [nx, ny, _] = size;
         let grid = Grid { size: self.size, world_from_voxel: self.world_from_voxel }.of_box(first, size);
         let of_voxel = |voxel: [usize; 3]| {
@@ -213,10 +213,16 @@ impl Phantom {
     }
 }
 
+/// A property of a phantom at a world point (mm).
+type Value = fn(&Phantom, DVec3) -> f32;
+
+const INTENSITY: Value = |phantom, p| phantom.hu(p) as f32;
+const INSIDE: Value = |phantom, p| f32::from(u8::from(phantom.inside(p)));
+
 /// A property of a phantom, sampled when it is read.
 struct Sampled<'a> {
     phantom: &'a Phantom,
-    value: fn(&Phantom, DVec3) -> f32,
+    value: Value,
 }
 
 impl VoxelSource for Sampled<'_> {

@@ -228,13 +228,13 @@ impl Roi {
     }
 }
 
-/// Returns true if a point in voxel space lies in the box of all voxels.
 /// Returns the error of a region without voxels.
 pub(super) fn empty() -> Error {
     Error::new(Kind::NothingToDo, "VGS-ROI-003", "the region of interest is empty")
         .help("check the mask, the label or the thresholds")
 }
 
+/// Returns true if a point in voxel space lies in the box of all voxels.
 pub(super) fn in_box(voxel: DVec3, size: [usize; 3]) -> bool {
     (0..3).all(|a| voxel[a] >= -0.5 && voxel[a] <= size[a] as f64 - 0.5)
 }
