@@ -1,7 +1,7 @@
 //! The shape of workgroups for GPUs gives the same bits as the one for CPU drivers, in every variant of the kernels that
 //! have both; in mode alpha the same but for rounding. A driver of eight invocations in lockstep runs both.
 
-use engine::gpu::GpuOptions;
+use engine::gpu::{Gpu, GpuOptions};
 use engine::render::{
     Appearance, Camera, Classification, ClipPlane, Fov, Look, Quality, Rays, Renderer, Scene, Settings,
     VisibilityMask, mode,
@@ -14,23 +14,20 @@ use vgs_tests::rendering::{look, set};
 /// Neither edge is a multiple of a tile's or of a part's.
 const SIZE: [u32; 2] = [75, 43];
 
-/// Renders the scene in one shape and returns all numbers of the pictures.
+/// Renders the scene in the shape of a device and returns all numbers of the pictures.
 fn pictures(
-    subgroup_size: u32,
+    gpu: &Gpu,
     set: &SplatSet,
     look: &Look,
     (name, settings): (&str, &Settings),
     quality: &Quality,
 ) -> Vec<f32> {
-    let options = GpuOptions { subgroup_size: Some(subgroup_size), ..GpuOptions::default() };
-    let gpu = Device::boot_with(options);
-    let scene = Scene::new(&gpu, Some(set), None, look).expect("a scene");
+    let scene = Scene::new(gpu, Some(set), None, look).expect("a scene");
     let [low, high] = scene.bounds();
     let camera =
         Camera::from_side("anterior-left", (low + high) * 0.5, (high - low).length() * 0.4, 40.0, 1.7);
     let eyes = camera.expect("a camera").eyes(64.0);
-    let mut renderer =
-        Renderer::new(&gpu, mode(name).expect("a mode"), &scene, settings).expect("a renderer");
+    let mut renderer = Renderer::new(gpu, mode(name).expect("a mode"), &scene, settings).expect("a renderer");
     if settings.masked {
         let Fov { left, right, up, down } = eyes[0].fov;
         let corner = [DVec2::new(left, up), DVec2::new(left, down), DVec2::new(right, down)];
@@ -64,7 +61,9 @@ fn both_shapes_give_the_same_bits() {
     let usual =
         Settings { precise: true, depth: true, rays: Rays::Computed, step: 0.7, ..Settings::new(SIZE) };
     let reduced = Quality { resolution: 0.61, ..Quality::FULL };
-    let is_rough = Device::boot().description().driver.contains("SwiftShader");
+    let devices = [8, 64]
+        .map(|width| Device::boot_with(GpuOptions { subgroup_size: Some(width), ..GpuOptions::default() }));
+    let is_rough = devices[0].description().driver.contains("SwiftShader");
     let mut worst = 0.0f32;
     for name in ["slab", "exact", "decoded", "alpha"] {
         for shade in [false, true] {
@@ -79,7 +78,7 @@ fn both_shapes_give_the_same_bits() {
                     ("tinted objects, clipped", &objects, &clipped, &two, &Quality::FULL),
                 ] {
                     let [narrow, wide] =
-                        [8, 64].map(|width| pictures(width, set, look, (name, settings), quality));
+                        devices.each_ref().map(|gpu| pictures(gpu, set, look, (name, settings), quality));
                     let label = format!("{name}, {how}, lit {shade}, {classification:?}");
                     assert_eq!(narrow.len(), wide.len(), "{label}");
                     let pairs = || narrow.iter().zip(&wide);
