@@ -582,6 +582,7 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
         });
         target
     };
+
     let functions = own.map(|function| Table::new(&function, range));
     let reference_look = ReferenceLook {
         table: &table,
@@ -655,8 +656,8 @@ fn compare(gpu: &Device, row: &RaymarchRow, seed: u64) {
             row.group
         );
         assert!(opaque.iter().all(|&n| n > 35), "{label}: both eyes see something: {opaque:?}");
-        // An intensity at the border between two entries of the table may take either, a cell at a clip plane may be there or
-        // not, and a share at the threshold may find its light or not.
+        // An intensity at the border between two entries of the table may take either, a cell at a clip plane may be
+        // there or not, and a share at the threshold may find its light or not.
         assert_close(&label, Bound::new(5e-4, 0.0).outliers(0.002, 0.05), colours);
         assert_close(&format!("{label}, depth"), Bound::new(0.02, 1e-4).outliers(0.002, 5.0), depth_pairs);
         assert_close(&format!("{label}, skipped or not"), Bound::new(0.0, 0.0), skips);
