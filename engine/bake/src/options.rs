@@ -51,13 +51,13 @@ pub struct Rates {
 impl Rates {
     /// For few steps from splats that are nearly right.
     pub const SHORT: Rates = Rates {
-        betas: [0.9, 0.99],
-        mean: MeanRate::Sigmas(0.2),
-        rotation: 0.07,
-        scale: 0.07,
+        betas: [0.8, 0.99],
+        mean: MeanRate::Sigmas(0.035),
+        rotation: 0.03,
+        scale: 0.14,
         opacity: 0.15,
-        colour: 0.04,
-        rest: 0.015,
+        colour: 0.02,
+        rest: 0.01,
         last_mean: 0.1,
         last: 0.1,
     };
@@ -105,10 +105,10 @@ pub struct Options {
 impl Default for Options {
     fn default() -> Self {
         Options {
-            views: 48,
+            views: 96,
             held_out: 8,
             size: 256,
-            iterations: 400,
+            iterations: 300,
             time_budget: None,
             max_splats: None,
             degree: None,

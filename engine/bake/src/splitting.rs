@@ -6,6 +6,8 @@ use splat::{Activations, Splat};
 
 /// Opacity below which a splat is given up, so that another can be split in its place.
 const FAINT: f32 = 2.0 / 255.0;
+/// Weight below which it is given up, in the mean one: it lies behind others from wherever it is seen.
+const IDLE: f32 = 0.02;
 /// Where the halves of a splat lie along its longest axis, and how long they are there, in its standard deviations. Both
 /// together have its variance: 0.6² + 0.8² = 1.
 const APART: f32 = 0.6;
@@ -20,7 +22,9 @@ pub struct Split {
 /// Drops splats that can hardly be seen, and halves those of the greatest weights until there are `count`, or each is
 /// halved. A half keeps the colour; its opacity is such that both together let as much pass as one did.
 pub fn split(splats: &[Splat], weights: &[f32], count: usize) -> Split {
-    let mut kept: Vec<usize> = (0..splats.len()).filter(|&i| splats[i].opacity() >= FAINT).collect();
+    let least = IDLE * weights.iter().filter(|weight| weight.is_finite()).sum::<f32>() / weights.len() as f32;
+    let is_seen = |&i: &usize| splats[i].opacity() >= FAINT && weights[i] >= least;
+    let mut kept: Vec<usize> = (0..splats.len()).filter(is_seen).collect();
     if kept.is_empty() {
         kept.push(0);
     }
@@ -67,9 +71,10 @@ mod tests {
 
     #[test]
     fn the_heaviest_are_halved_along_their_longest_axis() {
-        let splats = [splat(0.5, [1.0; 3]), splat(0.64, [1.0, 3.0, 2.0]), splat(0.001, [1.0; 3])];
-        let Split { splats: found, rows } = split(&splats, &[1.0, 2.0, 9.0], 3);
-        assert_eq!(rows, [0, 1, 1], "the faint one is gone, whatever its weight");
+        let mut splats = vec![splat(0.5, [1.0; 3]), splat(0.64, [1.0, 3.0, 2.0]), splat(0.001, [1.0; 3])];
+        splats.push(splat(0.9, [1.0; 3]));
+        let Split { splats: found, rows } = split(&splats, &[1.0, 2.0, 9.0, 0.01], 3);
+        assert_eq!(rows, [0, 1, 1], "the faint one is gone, whatever its weight, and one that is not seen");
         assert_eq!(found[0], splats[0]);
         for (half, side) in found[1..].iter().zip([-1.0, 1.0]) {
             assert!((half.mean[1] - side * 1.8).abs() < 1e-6 && half.mean[0] == 0.0, "{:?}", half.mean);
@@ -81,11 +86,12 @@ mod tests {
     #[test]
     fn the_count_is_kept_to_and_never_none() {
         let splats = vec![splat(0.5, [1.0, 2.0, 1.0]); 10];
-        let weights: Vec<f32> = (0..10).map(|i| i as f32).collect();
+        let weights: Vec<f32> = (0..10).map(|i| 1.0 + i as f32).collect();
         for (count, found) in [(5, 10), (10, 10), (13, 13), (20, 20), (99, 20)] {
             assert_eq!(split(&splats, &weights, count).splats.len(), found);
         }
         assert_eq!(split(&splats, &weights, 11).rows.iter().filter(|&&row| row == 9).count(), 2);
+        assert_eq!(split(&splats, &[0.0; 10], 10).splats.len(), 10, "nothing is known of any");
         assert_eq!(split(&[splat(0.001, [1.0; 3])], &[0.0], 5).rows, [0, 0]);
     }
 }

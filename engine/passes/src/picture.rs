@@ -282,7 +282,7 @@ impl Picture {
         ssim_weight: f32,
     ) {
         let params = PictureLossParams { size: self.size, background, ssim_weight };
-        let invocations = [self.size[0], self.size[1], 1];
+        let invocations = [self.size[0], self.size[1].div_ceil(glsl::picture_loss::RUN), 1];
         recorder
             .pass(&self.ssim)
             .read("picture", &self.colours)

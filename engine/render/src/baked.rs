@@ -10,8 +10,8 @@
 //! - **Profile.** Alpha's 1 − exp(−τ (1 − γ/6)²) becomes the Gaussian that is nearest to it in the least-squares
 //!   sense over the picture, whose width depends on τ alone: 0.98 of the splat's σ for a faint splat, 1.66 for an
 //!   opaque one, which is flat in the middle.
-//! - **Light** comes from above the viewer's left shoulder, so it depends on the direction of view, as colours
-//!   by spherical harmonics do. They are fitted to it for a viewer whose picture has the patient's head above.
+//! - **Light** that turns with the camera, and highlights, depend on the direction of view, as colours by spherical
+//!   harmonics do. They are fitted to both for a viewer whose picture has the patient's head above.
 
 use std::f64::consts::{PI, TAU};
 

@@ -65,6 +65,27 @@ fn pictures_come_nearer_and_the_same_seed_gives_the_same_file() {
 }
 
 #[test]
+fn the_light_goes_along_with_the_viewer_unless_it_is_of_the_patient() {
+    let folder = Folder::new(16);
+    folder.run(&fit("ours.ply", &["--no-eval"]));
+    // Without highlights, what does not turn is the same from any side.
+    let turns = |output: &str, command: &[&str]| {
+        let ended = folder.run(&[command, &["ours.ply", "-o", output, "--tf", "CT-Soft-Tissue"]].concat());
+        assert_eq!(ended.code, 0, "{}", ended.err);
+        let set = splat::read(folder.path(output), &ReadOptions::default()).expect("splats");
+        let colours = set.colours.expect("colours");
+        let rest = (0..set.splats.len()).flat_map(|i| colours.of(i)[3..].to_vec());
+        rest.fold(0.0f32, |most, coefficient| most.max(coefficient.abs()))
+    };
+    let lit = "bake --iterations 0 --views 1 --size 16 --shade on --specular 0";
+    let lit: Vec<&str> = lit.split_whitespace().collect();
+    let camera = turns("camera.ply", &lit);
+    let head = turns("head.ply", &[&lit[..], &["--headlight"]].concat());
+    let stays = turns("left.ply", &[&lit[..], &["--light-direction", "left"]].concat());
+    assert!(camera > 0.1 && head > 0.1 && stays < 0.02, "{camera}, {head}, {stays}");
+}
+
+#[test]
 fn a_live_spz_has_colours_for_others_and_the_fit_for_every_command() {
     let folder = Folder::new(16);
     folder.run(&fit("ours.vgs", &["--no-eval"]));

@@ -1,6 +1,7 @@
 //! Bakes what a transfer function shows of splats into colours for other viewers (`vgs bake`).
 
 use std::collections::BTreeMap;
+use std::iter::once;
 use std::ops::ControlFlow;
 use std::path::{Path, PathBuf};
 use std::time::Duration;
@@ -19,6 +20,7 @@ use crate::shared::figures::{bytes, seconds};
 use crate::shared::flags::{Clip, DeviceArguments, duration};
 use crate::shared::inputs::InputRecord;
 use crate::shared::interrupted::{self, state_path};
+use crate::shared::light::LightArguments;
 use crate::shared::looks::{self, look_of};
 use crate::shared::outputs;
 use crate::shared::signals::Signals;
@@ -53,7 +55,7 @@ pub struct BakeArguments {
     /// look of each; of one CT-Bone, or MR-Default without HU; where that shows nothing, a preset that does]
     #[arg(long, value_name = "PRESET|FILE", help_heading = "Picture")]
     tf: Option<String>,
-    /// Lights surfaces, or not; as the transfer function says by default. The light stays above the viewer's left shoulder
+    /// Lights surfaces, or not; as the transfer function says by default
     #[arg(long, value_name = "on|off", value_parser = ["on", "off"], help_heading = "Picture")]
     shade: Option<String>,
     /// How an object is shown, as in `vgs render`: NAME:colour=#rrggbb, opacity=0..1, tf=CT-Bone, hidden; may be repeated
@@ -65,6 +67,8 @@ pub struct BakeArguments {
     /// Cuts away, as in `vgs render`: x<MM, x>MM and the like, or box:X0,Y0,Z0,X1,Y1,Z1 keeps a box; may be repeated
     #[arg(long, value_name = "PLANE|BOX", allow_hyphen_values = true, help_heading = "Picture")]
     clip: Vec<Clip>,
+    #[command(flatten)]
+    light: LightArguments,
     /// Steps, a picture each; 0 for the colours and opacities that are found without pictures
     #[arg(long, value_name = "N", default_value_t = Options::default().iterations, help_heading = "Quality")]
     iterations: u32,
@@ -95,6 +99,7 @@ const EXAMPLES: &str = "\
 Examples:
   vgs bake bones.ply -o bones-baked.ply
   vgs bake bones.vgs -o bones.spz --tf CT-Bones-Steep --shade off
+  vgs bake bones.vgs -o bones.spz --headlight            a light that colours hold better than one from aside
   vgs bake bones.vgs -o bones.spz --live                 for vgs with any --tf, too
   vgs bake bones.vgs -o bones.spz --resume               goes on after Ctrl-C
   vgs bake organs.ply -o organs.glb --object-colours --max-splats 20000 --time-budget 1m
@@ -258,9 +263,13 @@ impl BakeArguments {
 
     fn look(&self, set: &SplatSet) -> engine::Result<Look> {
         let mut look = look_of(set, self.tf.as_deref())?;
-        if let Some(shade) = &self.shade {
-            look.transfer.material.shade = shade == "on";
+        look.light = self.light.light();
+        for function in once(&mut look.transfer).chain(look.functions.values_mut()) {
+            let material = &mut function.material;
+            material.shade = self.shade.as_ref().map_or(material.shade, |shade| shade == "on");
+            self.light.change(material);
         }
+        self.light.warn_if_unlit(&look.transfer.material);
         looks::change(&mut look, set, self.object_colours, &self.object, &self.clip)?;
         Ok(look)
     }

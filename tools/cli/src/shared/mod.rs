@@ -2,7 +2,7 @@
 //!
 //! | file | subject |
 //! |---|---|
-//! | `flags` | flags that several commands have, and how their texts are parsed; `viewing`: where a scene is seen from; `looks`: how splats look |
+//! | `flags` | flags that several commands have, and how their texts are parsed; `viewing`: where a scene is seen from; `looks`, `light`: how splats look |
 //! | `inputs` | the volume and the region of interest, and the records of their files; `padding`: voxels without a value; `texts`: small files of text |
 //! | `splat_files` | reading and writing splats, whatever their layout |
 //! | `outputs` | checks before anything is written; `lock`: one run per output; `interrupted`: what `--resume` goes on from |
@@ -23,6 +23,7 @@ pub mod flags;
 pub mod help;
 pub mod inputs;
 pub mod interrupted;
+pub mod light;
 pub mod lock;
 pub mod looks;
 pub mod memory;

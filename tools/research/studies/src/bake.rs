@@ -9,10 +9,21 @@ use engine::bake::{Options, bake};
 use engine::gpu::Gpu;
 use engine::render::Look;
 use engine::splat::{self, ReadOptions};
+use engine::transfer::{FixedTo, Light};
 use engine::{Result, output, transfer};
+use glam::DVec3;
 
 /// The transfer functions.
 const FUNCTIONS: [&str; 3] = ["CT-Bones-Steep", "CT-Soft-Tissue", "CT-Bone"];
+
+/// The lights: none, the usual one where a viewer in front has it and where it stays, one at the viewer, and the usual one,
+/// which turns with the camera.
+fn lights() -> [(&'static str, Option<Light>); 4] {
+    let mut stays = Light::default();
+    stays.fix(FixedTo::Patient, [DVec3::NEG_X, DVec3::Z, DVec3::Y]);
+    let (camera, head) = (Some(Light::default()), Some(Light::HEAD));
+    [("none", None), ("patient", Some(stays)), ("headlight", head), ("camera", camera)]
+}
 
 /// How near baked splats come to the pictures of the fits that they are made of.
 #[derive(Args)]
@@ -38,7 +49,7 @@ pub struct BakeArguments {
     force: bool,
 }
 
-/// Bakes every file with every function, lit and unlit.
+/// Bakes every file with every function and light.
 ///
 /// # Errors
 /// Those of reading, baking and writing.
@@ -51,10 +62,12 @@ pub fn run(gpu: &Gpu, arguments: &BakeArguments) -> Result<()> {
         let set = splat::read(path, &ReadOptions::default())?;
         let range = set.intensity_range().unwrap_or([0.0, 1.0]);
         let name = path.file_stem().unwrap_or_default().to_string_lossy();
-        for (function, lit) in FUNCTIONS.iter().flat_map(|function| [(function, false), (function, true)]) {
+        for (function, (name_of_light, light)) in
+            FUNCTIONS.iter().flat_map(|function| lights().map(|light| (function, light)))
+        {
             let mut transfer = transfer::load(function, range)?;
-            transfer.material.shade = lit;
-            let look = Look::new(transfer);
+            transfer.material.shade = light.is_some();
+            let look = Look { light: light.unwrap_or_default(), ..Look::new(transfer) };
             let seen = engine::render::baked(gpu, &set, &look)?.set.splats.len();
             if seen == 0 {
                 continue;
@@ -68,8 +81,7 @@ pub fn run(gpu: &Gpu, arguments: &BakeArguments) -> Result<()> {
             let report = &baked.report;
             let mean = |views: &[f64]| views.iter().sum::<f64>() / views.len() as f64;
             let row = format!(
-                "{name},{function},{},{seen},{},{:.2},{:.2},{:.2},{},{:.1},{:.1}",
-                if lit { "lit" } else { "unlit" },
+                "{name},{function},{name_of_light},{seen},{},{:.2},{:.2},{:.2},{},{:.1},{:.1}",
                 baked.set.splats.len(),
                 mean(&report.before),
                 mean(&report.after),

@@ -9,10 +9,10 @@ use engine::volume::BetweenSlices;
 use engine::volume::edges::Edges;
 use engine::{Error, Kind, Result};
 
-use super::light::LightArguments;
 use super::values::{self, GradientOpacity, PictureSize};
 use crate::shared::flags::{Clip, DeviceArguments, between_slices, bytes, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
+use crate::shared::light::{self, LightArguments};
 use crate::shared::viewing::{Background, View, degrees, zoom};
 
 /// Renders splats or a volume through a transfer function
@@ -62,7 +62,7 @@ pub struct RenderArguments {
     pub shade: Option<bool>,
     /// Darkens crevices, in modes volume and decoded: the share of the light that is lost where all around is opaque
     /// (ambient occlusion), 0 to 1; as the transfer function says by default, which is none
-    #[arg(long, value_name = "SHARE", help_heading = "Picture", value_parser = values::share)]
+    #[arg(long, value_name = "SHARE", help_heading = "Picture", value_parser = light::share)]
     pub occlusion: Option<f64>,
     /// Shows what changes, in modes volume and decoded: nothing where the gradient is below LOW, all from HIGH on, in HU
     /// over a mean voxel edge; or none, for the transfer function without the gradient opacity that its file has

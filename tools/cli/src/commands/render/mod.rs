@@ -3,13 +3,12 @@
 //!
 //! | file | subject |
 //! |---|---|
-//! | `arguments`, `light` | the flags; `values`: what they may say |
+//! | `arguments` | the flags; `values`: what they may say |
 //! | `run` | the command: what is shown, how, and from where |
 //! | `frames` | the pictures: one, an animation or a sequence |
 
 mod arguments;
 mod frames;
-mod light;
 mod run;
 mod values;
 

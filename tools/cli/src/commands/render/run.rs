@@ -386,11 +386,7 @@ impl RenderArguments {
             None => Look::new(transfer::load(self.tf.as_deref().unwrap_or(first), range)?),
         };
         look.transfer = self.changed(look.transfer)?;
-        if self.light.change(&mut look.transfer.material.clone()) && !look.transfer.material.shade {
-            tracing::warn!(
-                "flags of the light have no effect: this transfer function is unlit; add --shade on"
-            );
-        }
+        self.light.warn_if_unlit(&look.transfer.material);
         for function in look.functions.values_mut() {
             *function = self.changed(function.clone())?;
         }

@@ -104,11 +104,6 @@ pub fn pitch(text: &str) -> Result<f64, String> {
     number(text, 0.25..=16.0)
 }
 
-/// Parses a share.
-pub fn share(text: &str) -> Result<f64, String> {
-    number(text, 0.0..=1.0)
-}
-
 /// Parses a number above 0.
 pub fn above_zero(text: &str) -> Result<f64, String> {
     let found = text.parse().ok().filter(|v: &f64| *v > 0.0 && v.is_finite());

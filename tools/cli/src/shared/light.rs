@@ -1,4 +1,4 @@
-//! Flags of the light of `vgs render`.
+//! Flags of the light.
 
 use std::str::FromStr;
 
@@ -7,7 +7,7 @@ use engine::render::Camera;
 use engine::transfer::{FixedTo, Light, MOST_FILL, Material};
 use glam::DVec3;
 
-use super::values;
+use super::viewing::number;
 
 /// Flags of the light, and of how surfaces respond to it.
 #[derive(Args, Clone, Debug)]
@@ -25,13 +25,13 @@ pub struct LightArguments {
     #[arg(long, value_name = "SHARE", default_value_t = 0.0, value_parser = fill)]
     fill_light: f64,
     /// Share of the colour that needs no light; these four are as the transfer function says by default
-    #[arg(long, value_name = "SHARE", value_parser = values::share)]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
     ambient: Option<f64>,
     /// Share of the colour that follows the angle to the light
-    #[arg(long, value_name = "SHARE", value_parser = values::share)]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
     diffuse: Option<f64>,
     /// Strength of the highlight
-    #[arg(long, value_name = "SHARE", value_parser = values::share)]
+    #[arg(long, value_name = "SHARE", value_parser = share)]
     specular: Option<f64>,
     /// Exponent of the highlight: greater is smaller and sharper, as of wet bone
     #[arg(long, value_name = "POWER", value_parser = shininess)]
@@ -47,6 +47,15 @@ impl LightArguments {
             None => Light::default(),
         };
         Light { fill: self.fill_light, ..light }
+    }
+
+    /// Warns if a flag asks for a light that a material does not show.
+    pub fn warn_if_unlit(&self, material: &Material) {
+        if self.change(&mut material.clone()) && !material.shade {
+            tracing::warn!(
+                "flags of the light have no effect: this transfer function is unlit; add --shade on"
+            );
+        }
     }
 
     /// Changes what the flags name of a material. Returns true if a flag asks for a light at all.
@@ -92,6 +101,11 @@ fn angles(text: &str) -> Option<[f64; 2]> {
     Some([angle(right)?, angle(up)?])
 }
 
+/// Parses a share.
+pub fn share(text: &str) -> Result<f64, String> {
+    number(text, 0.0..=1.0)
+}
+
 fn fill(text: &str) -> Result<f64, String> {
     let found = text.parse().ok().filter(|v| (0.0..=MOST_FILL).contains(v));
     found.ok_or_else(|| {
@@ -100,6 +114,5 @@ fn fill(text: &str) -> Result<f64, String> {
 }
 
 fn shininess(text: &str) -> Result<f64, String> {
-    let found = text.parse().ok().filter(|v| (0.0..=1000.0).contains(v));
-    found.ok_or_else(|| "a number from 0 to 1000 is needed".to_owned())
+    number(text, 0.0..=1000.0)
 }
