@@ -7,16 +7,20 @@ use super::options::Options;
 use super::state::{BakeState, CurvePoint};
 use super::training::Training;
 use super::views::Views;
-use base::error::{Kind, Result};
+use base::error::{Error, Kind, Result};
 use base::unit::Unit;
 use gpu::Gpu;
 use image::Image;
 use render::{Look, Scene};
 use splat::harmonics::luminance;
 use splat::{SplatSet, by_importance};
+use transfer::FixedTo;
 
 /// Mode whose pictures are wanted.
 const WANTED: &str = "decoded";
+
+/// Degree of the harmonics under a light that turns with the camera.
+const LIT_DEGREE: u8 = 3;
 
 /// Shares of the steps after which splats are split.
 const GROWTHS: [f64; 4] = [0.1, 0.2, 0.3, 0.4];
@@ -89,13 +93,30 @@ pub struct Trained {
     pub unfinished: Option<BakeState>,
 }
 
+/// Fails for a set that cannot be baked.
+///
+/// # Errors
+/// [`Kind::Usage`] for splats with colours and for coded voxels.
+pub fn check(set: &SplatSet) -> Result<()> {
+    if set.colours.is_some() {
+        return Err(Error::new(Kind::Usage, "VGS-BAKE-007", "these splats have colours already")
+            .help("give the splats with HU that they are made of; another format of these: vgs convert"));
+    }
+    if set.splats.is_empty() || !set.voxels.is_empty() {
+        return Err(Error::new(Kind::Usage, "VGS-BAKE-008", "coded voxels, and splats are baked")
+            .help("fit splats to the volume: vgs fit"));
+    }
+    Ok(())
+}
+
 /// Returns `set` with colours and opacities with which alpha blending shows what mode decoded shows with `look`. `going`
 /// is told what is done, and may break off: the splats are then as far as they have come, and the state that they leave can be
 /// given as `resumed`, with the same set, look and options, for the splats of baking that never stopped, bit for bit.
 ///
 /// # Errors
-/// Those of [`render::baked`](fn@render::baked) and [`Options::check`], of the state of something else
-/// ([`Kind::BadData`]), and those of the device, as of too many splats for its buffers ([`Kind::Temporary`]).
+/// Those of [`check`], [`render::baked`](fn@render::baked) and [`Options::check`]; [`Kind::NothingToDo`] where the look
+/// shows none of the splats; of the state of something else ([`Kind::BadData`]); and those of the device, as of too many
+/// splats for its buffers ([`Kind::Temporary`]).
 pub fn bake(
     gpu: &Gpu,
     set: &SplatSet,
@@ -105,13 +126,16 @@ pub fn bake(
     going: &mut dyn FnMut(&Progress) -> ControlFlow<()>,
 ) -> Result<Baked> {
     options.check()?;
+    check(set)?;
     let begun = Instant::now();
     let mut first = render::baked(gpu, set, look)?;
     if let Some(most) = options.max_splats.filter(|&most| most < first.set.splats.len()) {
         keep_most_important(&mut first, most);
     }
     let render::Baked { set: out, rows, hidden } = first;
-    let total = options.views + options.held_out;
+    // Without steps, pictures only tell how near they come.
+    let moving = if options.iterations > 0 || options.held_out == 0 { options.views } else { 0 };
+    let total = moving + options.held_out;
     let unfinished = |out, rows| {
         let rendering_s = begun.elapsed().as_secs_f64();
         let report = Report { rendering_s, ..Report::default() };
@@ -119,7 +143,9 @@ pub fn bake(
         Ok(Baked { set: out, rows, hidden, report, unfinished: resumed.cloned() })
     };
     if out.splats.is_empty() {
-        return unfinished(out, rows);
+        let message = format!("{} shows none of these splats", look.transfer.name);
+        return Err(Error::new(Kind::NothingToDo, "VGS-BAKE-009", message)
+            .help("choose another --tf, show an object, or leave out --clip"));
     }
     let scene = Scene::new(gpu, Some(set), None, look)?;
     let mut views = |count, shift, before: usize| {
@@ -128,16 +154,28 @@ pub fn bake(
         })
     };
     let Some(held_out) = views(options.held_out, 0.5, 0)? else { return unfinished(out, rows) };
-    let Some(trained) = views(options.views, 0.0, options.held_out)? else {
-        return unfinished(out, rows);
-    };
+    let mut trained = None;
+    if moving > 0 {
+        trained = views(moving, 0.0, options.held_out)?;
+        if trained.is_none() {
+            return unfinished(out, rows);
+        }
+    }
     let rendering_s = begun.elapsed().as_secs_f64();
-    let lit = out.colours.as_ref().map_or(0, |colours| colours.degree);
-    let degree = options.degree.unwrap_or(lit);
-    let Trained { set, rows: origins, report, unfinished } =
-        train(gpu, out, degree, [&trained, &held_out], options, resumed, &mut |step, share| {
-            going(&Progress::Training(step, share))
-        })?;
+    let degree = options.degree.unwrap_or(match out.colours.as_ref().map_or(0, |colours| colours.degree) {
+        // A light that turns with the camera changes more from view to view than these hold.
+        lit @ 1.. if look.light.fixed_to == FixedTo::Camera => LIT_DEGREE.max(lit),
+        lit => lit,
+    });
+    let Trained { set, rows: origins, report, unfinished } = train(
+        gpu,
+        out,
+        degree,
+        [trained.as_ref().unwrap_or(&held_out), &held_out],
+        options,
+        resumed,
+        &mut |step, share| going(&Progress::Training(step, share)),
+    )?;
     let rows = origins.iter().map(|&row| rows[row]).collect();
     Ok(Baked { set, rows, hidden, report: Report { rendering_s, ..report }, unfinished })
 }

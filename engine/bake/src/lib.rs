@@ -24,7 +24,7 @@ mod state;
 mod training;
 mod views;
 
-pub use baking::{Baked, Progress, Report, Trained, bake, pictures, train};
+pub use baking::{Baked, Progress, Report, Trained, bake, check, pictures, train};
 pub use options::{MeanRate, Options, Rates};
 pub use state::{BakeState, CurvePoint};
 pub use views::Views;

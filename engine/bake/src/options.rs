@@ -92,7 +92,8 @@ pub struct Options {
     /// Most splats: of more the most important are kept, and fewer grow to as many, to 16 times as many at most; `None`
     /// for twice as many as there are.
     pub max_splats: Option<usize>,
-    /// Highest degree of the harmonics; `None` for 2 where there is light and 0 elsewhere.
+    /// Highest degree of the harmonics; `None` for 3 with a light that turns with the camera, 2 with one of the patient, 0
+    /// without light.
     pub degree: Option<u8>,
     /// Rates of the optimiser.
     pub rates: Rates,

@@ -1,15 +1,11 @@
 //! A fit, watched by a callable of Python.
 
-use std::ops::ControlFlow;
 use std::time::{Duration, Instant};
 
 use engine::coded::{coded, usual_bound};
 use engine::fidelity;
 use engine::fit::evaluate::Protocol;
-use engine::fit::{
-    Beginning, Clock, Count, End, FitConfig, Fitted, Goal, IntensityRange, Order, Plan, Progress, Settings,
-    SizeLimit, Stage, Watch,
-};
+use engine::fit::{Clock, End, FitConfig, Fitted, Goal, IntensityRange, Order, Plan, Settings, SizeLimit};
 use engine::splat::{self, WriteOptions};
 use engine::volume;
 use engine::{Error, Kind};
@@ -22,9 +18,7 @@ use crate::device::{unlocked, with_device};
 use crate::errors::{Raise, raised};
 use crate::splats::Splats;
 use crate::volume::{Roi, Volume};
-
-/// Least time between two calls of the watching callable.
-const TELL_EVERY: Duration = Duration::from_millis(100);
+use crate::watching::Watching;
 
 /// Returns the hyper-parameters: for each its key, what it is, and its default as JSON.
 #[pyfunction]
@@ -155,120 +149,12 @@ fn protocol(volume: &volume::Volume, roi: &volume::Roi, config: &FitConfig) -> P
     Protocol { offsets: Vec::new(), range, shell: config.loss.shell, threshold }
 }
 
-fn seconds(time: f64) -> PyResult<Duration> {
+/// Returns a time budget of so many seconds.
+pub fn seconds(time: f64) -> PyResult<Duration> {
     Some(time).filter(|s| (0.1..1e7).contains(s)).map(Duration::from_secs_f64).ok_or_else(|| {
         raised(
             Error::new(Kind::Usage, "VGS-PY-006", format!("a time budget of {time} s"))
                 .help("give seconds, from 0.1 on"),
         )
     })
-}
-
-/// Tells a callable how the fit goes, and asks the interpreter for signals.
-struct Watching {
-    watch: Option<Py<PyAny>>,
-    told: Instant,
-    asked: Instant,
-    iteration: u32,
-    /// True if the callable or Ctrl-C wants the fit to stop.
-    stop: bool,
-    interrupted: bool,
-    /// What the callable has raised.
-    error: Option<PyErr>,
-}
-
-impl Watching {
-    fn new(watch: Option<Py<PyAny>>) -> Self {
-        let long_ago = Instant::now() - TELL_EVERY;
-        let (told, asked) = (long_ago, long_ago);
-        Watching { watch, told, asked, iteration: 0, stop: false, interrupted: false, error: None }
-    }
-
-    /// Calls the callable with a dictionary that `fill` makes.
-    fn tell(&mut self, fill: impl FnOnce(&Bound<'_, PyDict>) -> PyResult<()>) {
-        let Some(watch) = &self.watch else { return };
-        if self.stop {
-            return;
-        }
-        self.told = Instant::now();
-        let answer = Python::attach(|py| {
-            let news = PyDict::new(py);
-            fill(&news)?;
-            let answer = watch.bind(py).call1((news,))?;
-            Ok(!answer.is_none() && !answer.is_truthy()?)
-        });
-        match answer {
-            Ok(stop) => self.stop |= stop,
-            Err(error) => self.fail(error),
-        }
-    }
-
-    fn fail(&mut self, error: PyErr) {
-        self.stop = true;
-        let interrupt = Python::attach(|py| error.is_instance_of::<PyKeyboardInterrupt>(py));
-        if interrupt {
-            self.interrupted = true;
-        } else {
-            self.error.get_or_insert(error);
-        }
-    }
-}
-
-impl Watch for Watching {
-    fn begin(&mut self, beginning: &Beginning) {
-        let splats = beginning.splats;
-        self.tell(|news| {
-            news.set_item("stage", "fitting the splats")?;
-            news.set_item("splats", splats)
-        });
-    }
-
-    fn step(&mut self, iteration: u32, share: f64) {
-        self.iteration = iteration;
-        if self.told.elapsed() >= TELL_EVERY {
-            self.tell(|news| {
-                news.set_item("iteration", iteration)?;
-                news.set_item("share", share)
-            });
-        }
-    }
-
-    fn wants_figures(&self) -> bool {
-        self.watch.is_some()
-    }
-
-    fn figures(&mut self, progress: &Progress) {
-        let (iteration, psnr_db) = (progress.iteration, progress.psnr_db);
-        self.tell(|news| {
-            news.set_item("iteration", iteration)?;
-            news.set_item("psnr_db", psnr_db)
-        });
-    }
-
-    fn stops(&mut self) -> bool {
-        if !self.stop && self.asked.elapsed() >= TELL_EVERY {
-            self.asked = Instant::now();
-            if let Err(error) = Python::attach(|py| py.check_signals()) {
-                self.fail(error);
-            }
-        }
-        self.stop
-    }
-
-    fn begin_stage(&mut self, stage: Stage) {
-        self.tell(|news| news.set_item("stage", stage.text()));
-    }
-
-    fn going(&mut self, done: f64) -> ControlFlow<()> {
-        if self.told.elapsed() >= TELL_EVERY {
-            self.tell(|news| news.set_item("share", done));
-        }
-        if self.stops() { ControlFlow::Break(()) } else { ControlFlow::Continue(()) }
-    }
-
-    fn counted(&mut self, count: &Count) {
-        if let &Count::Found { splats, .. } = count {
-            self.tell(|news| news.set_item("splats", splats));
-        }
-    }
 }

@@ -4,8 +4,11 @@
 //! | file | what is there |
 //! |---|---|
 //! | `volume` | volumes and regions of interest |
-//! | `fit` | a fit, watched by a callable |
+//! | `fit` | fits |
+//! | `bake` | splats with colours for other viewers |
+//! | `watching` | what takes long, watched by a callable |
 //! | `splats` | splat sets as arrays, their files, their field and how far it is from a volume |
+//! | `look` | how splats or a volume are to be shown |
 //! | `render` | pictures, and how much two of them differ |
 //! | `device` | the devices, each started once |
 //! | `errors`, `log` | errors as exceptions; warnings as records of `logging` |
@@ -14,13 +17,16 @@
 //! order. Whatever takes long runs without the lock of the interpreter.
 #![forbid(unsafe_code)]
 
+mod bake;
 mod device;
 mod errors;
 mod fit;
 mod log;
+mod look;
 mod render;
 mod splats;
 mod volume;
+mod watching;
 
 use pyo3::prelude::*;
 
@@ -29,6 +35,8 @@ use pyo3::prelude::*;
 mod _vgs {
     use super::*;
 
+    #[pymodule_export]
+    use super::bake::bake;
     #[pymodule_export]
     use super::device::devices;
     #[pymodule_export]

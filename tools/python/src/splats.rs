@@ -189,11 +189,15 @@ impl Splats {
         Ok(Splats::new(unlocked(py, read)?))
     }
 
-    /// Writes a file, in the format that its extension names.
-    #[pyo3(signature = (path, force))]
-    fn save(&self, py: Python<'_>, path: PathBuf, force: bool) -> PyResult<()> {
-        let options = WriteOptions { force, ..WriteOptions::default() };
-        unlocked(py, || splat::write_as(&path, &self.0, &options))
+    /// Writes a file, in the format that its extension names, with the splats `live` and their HU in it as well.
+    #[pyo3(signature = (path, force, live))]
+    fn save(&self, py: Python<'_>, path: PathBuf, force: bool, live: Option<&Splats>) -> PyResult<()> {
+        let live = live.map(|live| &*live.0);
+        let options = WriteOptions { force, live, ..WriteOptions::default() };
+        unlocked(py, || {
+            live.map_or(Ok(()), |_| splat::check_live(&path))?;
+            splat::write_as(&path, &self.0, &options)
+        })
     }
 
     /// Returns true if the splats were rounded, as those of a small file are.

@@ -17,6 +17,7 @@ from __future__ import annotations
 from typing import Any
 
 from . import _vgs
+from ._bake import bake
 from ._errors import (
     BadDataError,
     CannotCreateError,
@@ -31,7 +32,8 @@ from ._errors import (
     UsageError,
 )
 from ._fit import SETTINGS, code, fit
-from ._render import TRANSFER_FUNCTIONS, Camera, Difference, compare, render
+from ._look import TRANSFER_FUNCTIONS
+from ._render import Camera, Difference, compare, render
 from ._splats import Evaluation, SplatSet, load
 from ._volume import Roi, Volume, VolumeDifference, read
 
@@ -65,6 +67,7 @@ __all__ = [
     "UsageError",
     "Volume",
     "VolumeDifference",
+    "bake",
     "code",
     "compare",
     "devices",

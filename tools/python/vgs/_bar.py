@@ -6,7 +6,13 @@ import html
 import importlib
 import sys
 import time
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
+
+from ._errors import usage_error
+
+Progress = Callable[[dict[str, Any]], Any]
 
 WIDTH = 24
 #: Seconds between two drawings.
@@ -14,13 +20,13 @@ EVERY = 0.2
 
 
 class Bar:
-    """Shows the news of a fit: on a terminal in one line that is overwritten, in a notebook in one place."""
+    """Shows the news of a fit or of baking: on a terminal in one line that is overwritten, in a notebook in one place."""
 
-    def __init__(self) -> None:
-        self.news: dict[str, Any] = {"stage": "preparing the fit"}
+    def __init__(self, stage: str) -> None:
+        self.news: dict[str, Any] = {"stage": stage}
         self.begun = time.monotonic()
         self.drawn = 0.0
-        self.handle = _notebook_handle()
+        self.handle = _notebook_handle(stage)
         self.terminal = self.handle is None and sys.stderr.isatty()
 
     def __call__(self, news: dict[str, Any]) -> None:
@@ -60,6 +66,24 @@ class Bar:
         return "  ".join(parts)
 
 
+@contextmanager
+def watched(progress: bool | Progress, first: str) -> Iterator[tuple[Progress | None, Callable[[str], None]]]:
+    """What is to be called with news, by the argument ``progress``, and what replaces a bar by a last line."""
+    if callable(progress):
+        yield progress, lambda last: None
+    elif progress not in (True, False):
+        raise usage_error(f"progress is {progress!r}", help="give True, False, or a callable that takes a dictionary")
+    elif not progress:
+        yield None, lambda last: None
+    else:
+        bar = Bar(first)
+        try:
+            yield bar, bar.close
+        except BaseException:
+            bar.close("it has failed")
+            raise
+
+
 class _Line:
     """A line of text as a notebook shows it."""
 
@@ -73,8 +97,8 @@ class _Line:
         return f"<pre>{html.escape(self.text)}</pre>"
 
 
-def _notebook_handle() -> Any:
+def _notebook_handle(first: str) -> Any:
     """Returns a place in the output of a notebook's cell, or None outside of notebooks."""
     if "ipykernel" not in sys.modules:
         return None
-    return importlib.import_module("IPython.display").display(_Line("preparing the fit"), display_id=True)
+    return importlib.import_module("IPython.display").display(_Line(first), display_id=True)

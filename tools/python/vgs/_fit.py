@@ -4,20 +4,16 @@ from __future__ import annotations
 
 import json
 import logging
-from collections.abc import Callable
 from typing import Any
 
 from . import _vgs
-from ._bar import Bar
-from ._errors import usage_error
+from ._bar import Progress, watched
 from ._json import as_json
 from ._splats import SplatSet
 from ._volume import Labels, RoiLike, VolumeLike, as_roi, as_volume
 
 #: The hyper-parameters by name: what each is, and its default. ``vgs fit --help`` lists the same, with ``-`` for ``_``.
 SETTINGS: dict[str, tuple[str, Any]] = {key: (doc, json.loads(default)) for key, doc, default in _vgs.fit_settings()}
-
-Progress = Callable[[dict[str, Any]], Any]
 
 
 def fit(
@@ -76,11 +72,7 @@ def fit(
     """
     of = as_volume(volume)
     region = as_roi(roi, of, labels)
-    if not callable(progress) and progress not in (True, False):
-        raise usage_error(f"progress is {progress!r}", help="give True, False, or a callable that takes a dictionary")
-    bar = Bar() if not callable(progress) and progress else None
-    watch = bar or (progress if callable(progress) else None)
-    try:
+    with watched(progress, "preparing the fit") as (watch, close):
         native, told = _vgs.fit(
             of._native(),
             region._native,
@@ -93,15 +85,9 @@ def fit(
             device=None if device is None else str(device),
             watch=watch,
         )
-    except BaseException:
-        if bar:
-            bar.close("the fit has failed")
-        raise
-    splats = SplatSet(native)
-    splats.seconds = told["seconds"]
-    splats.stopped = told["stopped"]
-    if bar:
-        bar.close(f"{len(splats):,} splats, {told['iterations']} iterations in {told['seconds']:.1f} s")
+        splats = SplatSet(native)
+        splats.seconds, splats.stopped = told["seconds"], told["stopped"]
+        close(f"{len(splats):,} splats, {told['iterations']} iterations in {told['seconds']:.1f} s")
     if splats.stopped:
         logging.getLogger("vgs").warning("the fit was stopped after %d iterations", told["iterations"])
     return splats

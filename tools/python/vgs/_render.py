@@ -6,7 +6,7 @@ import numbers
 import os
 import struct
 import zlib
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from typing import Any, Union
 
@@ -16,22 +16,9 @@ import numpy.typing as npt
 from . import _vgs
 from ._errors import usage_error
 from ._json import as_json
+from ._look import Numbers, Objects, Points, floats, look, number
 from ._splats import SplatSet, load
 from ._volume import RoiLike, Volume, VolumeLike, as_roi, as_volume
-
-#: Names of the transfer functions of vgs: what each is for, and the unit of its intensities.
-TRANSFER_FUNCTIONS: dict[str, tuple[str, str]] = {
-    name: (about, unit) for name, about, unit in _vgs.transfer_functions()
-}
-
-#: Three numbers.
-Numbers = Union[Sequence[float], npt.NDArray[Any]]
-#: How objects are shown, by name or number.
-Objects = Union[
-    Mapping[str, Mapping[str, Any]], Mapping[int, Mapping[str, Any]], Mapping[Union[str, int], Mapping[str, Any]]
-]
-#: Control points of a transfer function: intensity, (red, green, blue) and opacity per mm, 0 to 1.
-Points = Sequence[tuple[float, tuple[float, float, float], float]]
 
 
 @dataclass(frozen=True)
@@ -133,24 +120,14 @@ def render(
         raise usage_error(
             "fov or zoom, and a camera that has its own", help="give them for a side, or Camera(..., fov=)"
         )
-    hidden = [hide] if isinstance(hide, (str, int)) else list(hide)
     asked = {
         "size": [_whole("size", n) for n in size],
         "mode": mode,
-        "tf": _function(tf),
-        "tf_shift": _number("tf_shift", tf_shift),
+        "look": look(tf, tf_shift, shade, occlusion, light, fill_light, box, planes, objects, hide),
         "camera": _camera(camera),
-        "fov": None if fov is None else _number("fov", fov),
-        "zoom": _number("zoom", zoom),
-        "shade": None if shade is None else bool(shade),
-        "occlusion": None if occlusion is None else _number("occlusion", occlusion),
-        "light": light if light is None or isinstance(light, str) else list(light),
-        "fill_light": _number("fill_light", fill_light),
-        "box_mm": None if box is None else [_floats(corner) for corner in box],
-        "planes": [[_floats(normal), float(offset)] for normal, offset in planes],
-        "objects": [_object(name, how) for name, how in (objects or {}).items()],
-        "hide": [str(name) for name in hidden],
-        "step": None if step is None else _number("step", step),
+        "fov": None if fov is None else number("fov", fov),
+        "zoom": number("zoom", zoom),
+        "step": None if step is None else number("step", step),
     }
     behind = _background(background)
     picture = _vgs.render(
@@ -218,36 +195,10 @@ def _shown(
     return None, volume._native(), None if roi is None else as_roi(roi, volume)._native
 
 
-def _number(name: str, value: Any) -> float:
-    if isinstance(value, numbers.Real) and np.isfinite(float(value)):
-        return float(value)
-    raise usage_error(f"{name} is {value!r}", help="give a finite number")
-
-
 def _whole(name: str, value: Any) -> int:
     if isinstance(value, numbers.Integral) and int(value) >= 0:
         return int(value)
     raise usage_error(f"{name} has {value!r}", help="give whole numbers of pixels: (width, height)")
-
-
-def _floats(three: Numbers) -> list[float]:
-    found = [_number("a coordinate", n) for n in three]
-    if len(found) != 3:
-        raise usage_error(f"{found}, where a place or a direction is needed", help="give three numbers")
-    return found
-
-
-def _function(tf: str | os.PathLike[str] | Points | None) -> Union[str, dict[str, Any], None]:
-    if tf is None or isinstance(tf, str):
-        return tf
-    if isinstance(tf, os.PathLike):
-        return os.fspath(tf)
-    return {
-        "points": [
-            [_number("an intensity", value), *_floats(colour), _number("an opacity", opacity)]
-            for value, colour, opacity in tf
-        ]
-    }
 
 
 def _camera(camera: Any) -> Union[str, dict[str, Any]]:
@@ -256,23 +207,18 @@ def _camera(camera: Any) -> Union[str, dict[str, Any]]:
     if not isinstance(camera, Camera):
         camera = Camera.from_matrix(camera)
     return {
-        "eye_mm": _floats(camera.eye_mm),
-        "target_mm": _floats(camera.target_mm),
-        "up": _floats(camera.up),
-        "fov_deg": _number("fov", camera.fov),
+        "eye_mm": floats(camera.eye_mm),
+        "target_mm": floats(camera.target_mm),
+        "up": floats(camera.up),
+        "fov_deg": number("fov", camera.fov),
     }
-
-
-def _object(name: str | int, how: Mapping[str, Any]) -> str:
-    words = [key if value is True else f"{key}={value}" for key, value in how.items() if value is not False]
-    return f"{name}:{','.join(words)}"
 
 
 def _background(background: str | tuple[float, float, float] | None) -> tuple[float, float, float] | None:
     if background is None:
         return None
     if not isinstance(background, str):
-        red, green, blue = _floats(background)
+        red, green, blue = floats(background)
         if not all(0 <= part <= 1 for part in (red, green, blue)):
             raise usage_error(f"a background of {background}", help="give red, green and blue from 0 to 1")
         return red, green, blue

@@ -54,12 +54,14 @@ class SplatSet:
     Attributes:
         seconds: Time of the iterations of the fit, s; None if it was read from a file.
         stopped: True if its fit was stopped before its end.
+        psnr_db: Of baked splats, how near their pictures come on views that were not fitted, dB; else None.
     """
 
     def __init__(self, native: _vgs.Splats):
         self._native = native
         self.seconds: float | None = None
         self.stopped = False
+        self.psnr_db: float | None = None
 
     @staticmethod
     def from_arrays(
@@ -293,18 +295,20 @@ class SplatSet:
         )
         return Evaluation(**figures)
 
-    def save(self, path: str | os.PathLike[str], *, force: bool = False) -> None:
+    def save(self, path: str | os.PathLike[str], *, force: bool = False, live: SplatSet | None = None) -> None:
         """Writes a file, in the format that its extension names.
 
         Args:
             path: .ply for all programs; .vgs, which is small and rounded (see ``rounded`` of :func:`fit`), and has the splats in
-                another order. (``vgs convert`` writes .spz, .sog and .glb, which need colours.)
+                another order; with colours (:func:`bake`) also .spz, .sog and .glb.
             force: Replaces a file that exists.
+            live: With colours in an .spz: the splats with HU that they were baked from. vgs opens these, with a live transfer
+                function, and other viewers show the colours.
 
         Raises:
             CannotCreateError: If the file exists or its folder does not.
         """
-        self._native.save(os.fspath(path), force)
+        self._native.save(os.fspath(path), force, None if live is None else live._native)
 
     def __len__(self) -> int:
         return len(self._native)
@@ -323,7 +327,7 @@ class SplatSet:
 
     def __reduce__(self) -> tuple[Any, ...]:
         # As its file: rounded splats as the small one, which keeps them as they are.
-        return _unpickled, (_pickled(self), self.seconds, self.stopped)
+        return _unpickled, (_pickled(self), self.seconds, self.stopped, self.psnr_db)
 
     def _like(self, native: _vgs.Splats) -> SplatSet:
         made = SplatSet(native)
@@ -398,10 +402,10 @@ def _pickled(splats: SplatSet) -> tuple[str, bytes]:
             return ending, file.read()
 
 
-def _unpickled(content: tuple[str, bytes], seconds: float | None, stopped: bool) -> SplatSet:
+def _unpickled(content: tuple[str, bytes], seconds: float | None, stopped: bool, psnr_db: float | None) -> SplatSet:
     ending, content_of_file = content
     splats = SplatSet(_vgs.Splats.read([(f"splats.{ending}", content_of_file)], None, None))
-    splats.seconds, splats.stopped = seconds, stopped
+    splats.seconds, splats.stopped, splats.psnr_db = seconds, stopped, psnr_db
     return splats
 
 

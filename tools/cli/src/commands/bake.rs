@@ -7,7 +7,7 @@ use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
-use engine::bake::{BakeState, Baked, Options, Progress, bake};
+use engine::bake::{BakeState, Baked, Options, Progress, bake, check};
 use engine::output::write_atomic;
 use engine::render::{Look, ObjectChange};
 use engine::splat::{self, PlyLayout, ReadOptions, SplatSet, WriteOptions};
@@ -17,7 +17,7 @@ use crate::report::curve;
 use crate::shared::console::Console;
 use crate::shared::failure::Stop;
 use crate::shared::figures::{bytes, seconds};
-use crate::shared::flags::{Clip, DeviceArguments, duration};
+use crate::shared::flags::{Clip, DeviceArguments, duration, on_off};
 use crate::shared::inputs::InputRecord;
 use crate::shared::interrupted::{self, state_path};
 use crate::shared::light::LightArguments;
@@ -56,8 +56,8 @@ pub struct BakeArguments {
     #[arg(long, value_name = "PRESET|FILE", help_heading = "Picture")]
     tf: Option<String>,
     /// Lights surfaces, or not; as the transfer function says by default
-    #[arg(long, value_name = "on|off", value_parser = ["on", "off"], help_heading = "Picture")]
-    shade: Option<String>,
+    #[arg(long, value_name = "on|off", value_parser = on_off, help_heading = "Picture")]
+    shade: Option<bool>,
     /// How an object is shown, as in `vgs render`: NAME:colour=#rrggbb, opacity=0..1, tf=CT-Bone, hidden; may be repeated
     #[arg(long, value_name = "NAME|N:HOW,...", help_heading = "Picture")]
     object: Vec<ObjectChange>,
@@ -85,7 +85,8 @@ pub struct BakeArguments {
     /// Width and height of these pictures, pixels
     #[arg(long, value_name = "PIXELS", default_value_t = Options::default().size, help_heading = "Quality")]
     size: u32,
-    /// Degree of the harmonics by which colours depend on the direction, 0 to 3 [default: 2 with light, else 0]
+    /// Degree of the harmonics by which colours depend on the direction, 0 to 3 [default: 3 with a
+    /// light that turns with the camera, 2 with one of the patient, else 0]
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u8).range(0..=3), help_heading = "Quality")]
     degree: Option<u8>,
     /// Seed of the order of the pictures; the same seed on the same device gives the same file, but with --time-budget
@@ -133,23 +134,10 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
             .help("write a .ply, .spz, .sog or .glb")
             .into());
     }
-    if set.colours.is_some() {
-        let message = "these splats have colours already";
-        return Err(Error::new(Kind::Usage, "VGS-CLI-174", message)
-            .file(splats)
-            .help("give the splats with HU that they are made of; another format of these: vgs convert")
-            .into());
-    }
+    check(&set).map_err(|error| error.file(splats))?;
     let look = arguments.look(&set)?;
     let options = arguments.options();
     options.check()?;
-    if set.splats.is_empty() || !set.voxels.is_empty() {
-        let message = "coded voxels, and splats are baked";
-        return Err(Error::new(Kind::Usage, "VGS-CLI-171", message)
-            .file(splats)
-            .help("fit splats to the volume: vgs fit")
-            .into());
-    }
     let notes = arguments.notes(&look)?;
     let resumed = if arguments.resume { Some(read_state(&state, &notes)?) } else { None };
     let signals = Signals::install()?;
@@ -174,13 +162,6 @@ pub fn run(arguments: &BakeArguments, console: &Console) -> Result<u8, Stop> {
         })
         .map_err(|error| error.file(splats))?
     };
-    if baked.set.splats.is_empty() {
-        let message = format!("{} shows none of these splats", look.transfer.name);
-        return Err(Error::new(Kind::NothingToDo, "VGS-CLI-172", message)
-            .file(splats)
-            .help("choose another --tf, show an object, or leave out --clip")
-            .into());
-    }
     let live = arguments.live.then(|| look.shown_part(&set));
     let write =
         WriteOptions { layout: arguments.ply_layout, live: live.as_ref(), force, ..WriteOptions::default() };
@@ -266,7 +247,7 @@ impl BakeArguments {
         look.light = self.light.light();
         for function in once(&mut look.transfer).chain(look.functions.values_mut()) {
             let material = &mut function.material;
-            material.shade = self.shade.as_ref().map_or(material.shade, |shade| shade == "on");
+            material.shade = self.shade.unwrap_or(material.shade);
             self.light.change(material);
         }
         self.light.warn_if_unlit(&look.transfer.material);

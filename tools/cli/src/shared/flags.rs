@@ -163,6 +163,15 @@ pub fn bytes(text: &str) -> Result<u64, String> {
         .ok_or_else(|| "a number of bytes is needed, as 4G or 500000000".into())
 }
 
+/// Parses `on` or `off`.
+pub fn on_off(text: &str) -> Result<bool, String> {
+    match text {
+        "on" => Ok(true),
+        "off" => Ok(false),
+        _ => Err("on or off".into()),
+    }
+}
+
 /// Parses a duration: `90s`, `5m`, `1.5h`, or seconds.
 pub fn duration(text: &str) -> Result<std::time::Duration, String> {
     let text = text.trim();

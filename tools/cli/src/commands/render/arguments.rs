@@ -10,7 +10,7 @@ use engine::volume::edges::Edges;
 use engine::{Error, Kind, Result};
 
 use super::values::{self, GradientOpacity, PictureSize};
-use crate::shared::flags::{Clip, DeviceArguments, between_slices, bytes, pair};
+use crate::shared::flags::{Clip, DeviceArguments, between_slices, bytes, on_off, pair};
 use crate::shared::inputs::{CleaningArguments, ReadArguments};
 use crate::shared::light::{self, LightArguments};
 use crate::shared::viewing::{Background, View, degrees, zoom};
@@ -58,7 +58,7 @@ pub struct RenderArguments {
     )]
     pub tf_shift: f64,
     /// Lights surfaces, or not; as the transfer function says by default
-    #[arg(long, value_name = "on|off", help_heading = "Picture", value_parser = values::on_off)]
+    #[arg(long, value_name = "on|off", help_heading = "Picture", value_parser = on_off)]
     pub shade: Option<bool>,
     /// Darkens crevices, in modes volume and decoded: the share of the light that is lost where all around is opaque
     /// (ambient occlusion), 0 to 1; as the transfer function says by default, which is none

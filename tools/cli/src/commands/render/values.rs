@@ -137,15 +137,6 @@ pub fn precision(text: &str) -> Result<Precision, String> {
     }
 }
 
-/// Parses `on` or `off`.
-pub fn on_off(text: &str) -> Result<bool, String> {
-    match text {
-        "on" => Ok(true),
-        "off" => Ok(false),
-        _ => Err("on or off".into()),
-    }
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
