@@ -102,7 +102,7 @@ pub fn check(set: &SplatSet) -> Result<()> {
         return Err(Error::new(Kind::Usage, "VGS-BAKE-007", "these splats have colours already")
             .help("give the splats with HU that they are made of; another format of these: vgs convert"));
     }
-    if set.splats.is_empty() || !set.voxels.is_empty() {
+    if !set.voxels.is_empty() {
         return Err(Error::new(Kind::Usage, "VGS-BAKE-008", "coded voxels, and splats are baked")
             .help("fit splats to the volume: vgs fit"));
     }

@@ -60,6 +60,8 @@ def test_what_cannot_be_baked_is_refused(ct, bone, splats):
     with pytest.raises(vgs.UsageError, match="coded voxels"):
         vgs.bake(vgs.code(ct, bone), progress=False)
     with pytest.raises(vgs.NothingToDoError, match="shows none"):
+        vgs.bake(splats[:0], tf="CT-Bone", progress=False)
+    with pytest.raises(vgs.NothingToDoError, match="shows none"):
         vgs.bake(splats, tf=[(5000, (1, 1, 1), 0.0), (6000, (1, 1, 1), 0.5)], progress=False)
     for wrong in ({"views": 0}, {"size": 5}, {"degree": 4}, {"max_splats": 0}, {"time_budget": 0}, {"occlusion": 2}):
         with pytest.raises(vgs.UsageError) as raised:
