@@ -1,6 +1,6 @@
 // Standard splats on a picture, as other programs draw them (Kerbl et al. 2023): what the kernels in picture/
 // share. A splat has the opacity α exp(-γ/2) at a distance d from its centre, γ = d · conic d, and the conic is the
-// inverse of its covariance on the picture, widened by 0.3 pixels² (Zwicker et al. 2001).
+// inverse of its covariance on the picture, widened (Zwicker et al. 2001).
 #ifndef PICTURE_GLSL
 #define PICTURE_GLSL
 #extension GL_EXT_scalar_block_layout : require

@@ -27,9 +27,9 @@ PictureAxes picture_axes(Splat s, View v, uvec2 size) {
     return r;
 }
 
-// xx, xy, yy of the covariance on the picture, pixels².
-vec3 picture_covariance(PictureAxes r) {
-    vec3 sum = vec3(0.3, 0.0, 0.3);
+// xx, xy, yy of the covariance on the picture, widened, pixels².
+vec3 picture_covariance(PictureAxes r, float widening) {
+    vec3 sum = vec3(widening, 0.0, widening);
     for (uint k = 0; k < 3; ++k) {
         vec2 a = r.axes[k] * r.scale[k];
         sum += vec3(a.x * a.x, a.x * a.y, a.y * a.y);

@@ -12,6 +12,7 @@ layout(push_constant, scalar) uniform PictureProjectParams {
     uint coefficients;
     float nearest; // depths of the least and the greatest key, mm
     float farthest;
+    float widening; // pixels²
 } p;
 layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
 layout(scalar, binding = 1) readonly buffer Harmonics { vec3 harmonics_of[]; }; // [splat][coefficient]
@@ -33,7 +34,7 @@ void main() {
     r.opacity = 0.0;
     picture_splats[i] = r;
     if (!(a.mean.z > NEAREST)) return;
-    vec3 covariance = picture_covariance(a);
+    vec3 covariance = picture_covariance(a, p.widening);
     float determinant = covariance.x * covariance.z - covariance.y * covariance.y;
     if (!(determinant > 0.0 && determinant < 1e37)) return;
     r.conic = vec3(covariance.z, -covariance.y, covariance.x) / determinant;

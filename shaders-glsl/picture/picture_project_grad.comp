@@ -15,6 +15,7 @@ layout(push_constant, scalar) uniform PictureProjectParams {
     uint coefficients;
     float nearest;
     float farthest;
+    float widening;
 } p;
 layout(scalar, binding = 0) readonly buffer Splats { Splat splats[]; };
 layout(scalar, binding = 1) readonly buffer Harmonics { vec3 harmonics_of[]; };

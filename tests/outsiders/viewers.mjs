@@ -11,7 +11,9 @@
 // usage: node tests/outsiders/viewers.mjs VGS SPLATS.ply [PICTURES]
 //        VGS is the program, by its path (tools/vgs, say); SPLATS.ply a file of `vgs convert FIT -o SPLATS.ply --tf PRESET`;
 //        PICTURES a new folder for all pictures
-//        ONLY=spark,glb in the environment leaves out other viewers and formats, and keeps the table as it is
+//        ONLY=spark,glb in the environment leaves out other viewers and formats, and keeps the table as it is;
+//        OF='FIT.ply --tf PRESET' compares both also with `vgs render OF --mode decoded`, what `vgs bake OF` made
+//        SPLATS.ply of, and keeps the table as well
 // Needs VGS_PAGE, the folder of `tools/setup page` (VGS_PAGE=$(tools/setup --where page); $VGS_PAGE/node/bin/node runs
 // this) and, the first time, npm's registry: the packages of viewers/package-lock.json, 400 MB, go into a folder of
 // VGS_PAGE. Takes about ten minutes on two cores.
@@ -216,6 +218,7 @@ const ours = write(folder, packages);
 const { server, address } = await serve(packages, folder);
 const browser = await launch();
 const only = process.env.ONLY?.split(',') ?? [];
+const of = process.env.OF?.split(' ');
 const wanted = (name, all) => only.includes(name) || !only.some((other) => all.includes(other));
 const pages = VIEWERS.map((viewer) => viewer.page);
 const rows = [];
@@ -223,9 +226,13 @@ for (const [view, camera] of Object.entries(cameras())) {
     const json = join(folder, `${view}.json`);
     const { eye, target, up, fov } = camera;
     writeFileSync(json, JSON.stringify({ eye_mm: eye, target_mm: target, up, fov_deg: fov }));
+    const render = (picture, ...words) =>
+        run(vgs, 'render', ...words, '--camera', json, '--size', `${SIZE}x${SIZE}`, '-o', picture);
+    const decoded = join(folder, `${view}-decoded.png`);
+    if (of) render(decoded, ...of, '--mode', 'decoded');
     for (const format of FORMATS.filter((format) => wanted(format, FORMATS))) {
         const picture = join(folder, `${view}-${format}-vgs.png`);
-        run(vgs, 'render', ours[format], '--mode', 'alpha', '--camera', json, '--size', `${SIZE}x${SIZE}`, '-o', picture);
+        render(picture, ours[format], '--mode', 'alpha');
         for (const viewer of VIEWERS.filter(({ page, formats }) => formats.includes(format) && wanted(page, pages))) {
             const { page, package: name, options, note, fails } = viewer;
             const row = { viewer: name, version: version(name), format, view, psnr_db: '', note };
@@ -233,7 +240,12 @@ for (const [view, camera] of Object.entries(cameras())) {
             else try {
                 const theirs = await shown(browser, address, { viewer, format, camera });
                 writeFileSync(join(folder, `${view}-${format}-${page}${options ? '-set' : ''}.png`), theirs);
-                row.psnr_db = psnr(theirs, readFileSync(picture)).toFixed(1);
+                const mine = readFileSync(picture);
+                row.psnr_db = psnr(theirs, mine).toFixed(1);
+                if (of) {
+                    const [ofTheirs, ofMine] = [theirs, mine].map((shown) => psnr(shown, readFileSync(decoded)).toFixed(1));
+                    row.note = `${ofTheirs} dB of what was baked; vgs has ${ofMine}; ${note}`;
+                }
             } catch (error) {
                 row.note = `fails: ${error.message.replaceAll(/[",\n]/g, ' ')}`;
                 process.exitCode = 1;
@@ -247,7 +259,7 @@ await browser.close();
 server.close();
 const columns = Object.keys(rows[0]);
 const lines = [columns, ...rows.map((row) => Object.values(row))].map((cells) => `${cells.join(',')}\n`);
-if (!only.length) writeFileSync(TABLE, lines.join(''));
+if (!only.length && !of) writeFileSync(TABLE, lines.join(''));
 if (pictures) cpSync(folder, resolve(pictures), { recursive: true });
 rmSync(folder, { recursive: true });
 

@@ -2,6 +2,7 @@
 #![forbid(unsafe_code)]
 
 mod alpha;
+mod baking;
 mod beside;
 mod coarse;
 mod coded;

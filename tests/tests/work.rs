@@ -228,7 +228,8 @@ fn fragments_are_those_of_the_quads_ellipses() {
     let eye = Eye::from(&camera.view(scene.origin));
     let material =
         Material { shade: false, ambient: 1.0, diffuse: 0.0, specular: 0.0, power: 1.0, occlusion: 0.0 };
-    let quad_look = quads::Look { material: &material, light: &Light::HEAD, dark: 0.0, planes: &[] };
+    let quad_look =
+        quads::Look { material: &material, light: &Light::HEAD, dark: 0.0, planes: &[], widening: 0.3 };
     let face = Face::Own(DVec3::ONE);
     let object = eye::Appearance::default();
     let quads: Vec<Quad> = set

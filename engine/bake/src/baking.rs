@@ -278,7 +278,8 @@ pub fn train(
 /// Those of the device; [`Kind::Internal`] for a set without splats or colours.
 pub fn pictures(gpu: &Gpu, set: &SplatSet, views: &Views) -> Result<Vec<Image>> {
     let degree = set.colours.as_ref().map_or(0, |colours| colours.degree);
-    let mut drawn = Training::new(gpu, set, degree, views, &Options::default())?;
+    let mut drawn =
+        Training::new(gpu, set, degree, views, &Options { shown: views.size[0], ..Options::default() })?;
     views.cameras.iter().map(|camera| drawn.picture(camera)).collect()
 }
 

@@ -85,6 +85,9 @@ pub struct Options {
     pub held_out: usize,
     /// Width and height of the pictures, pixels, 16 to 1920.
     pub size: u32,
+    /// Width and height of the pictures that the splats are made for, pixels: viewers widen splats by as many pixels on
+    /// large pictures as on small ones, which is less of the scene.
+    pub shown: u32,
     /// Steps of the optimiser, a picture each; 0 keeps the splats as they begin.
     pub iterations: u32,
     /// Most time for the steps; `None` takes as long as they need. The rates of the steps follow the share of the time.
@@ -109,7 +112,8 @@ impl Default for Options {
             views: 96,
             held_out: 8,
             size: 256,
-            iterations: 300,
+            shown: 1024,
+            iterations: 240,
             time_budget: None,
             max_splats: None,
             degree: None,
@@ -137,6 +141,9 @@ impl Options {
         }
         if !(16..=LONGEST).contains(&self.size) {
             return bad(format!("pictures of {0} x {0} pixels", self.size), "give 16 to 1920");
+        }
+        if self.shown == 0 {
+            return bad("splats for pictures without pixels".to_owned(), "give at least 1");
         }
         if self.max_splats == Some(0) {
             return bad("no splats".to_owned(), "give at least 1");

@@ -6,6 +6,7 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use shaders_glsl::types::SplatGrad;
 
+use super::options::Options;
 use super::views::Views;
 use base::error::Result;
 use gpu::{Buffer, Gpu, Recorder};
@@ -13,12 +14,16 @@ use passes::Objective;
 use passes::picture::{Picture, Shot, Splats};
 use render::Camera;
 
+/// What other viewers widen the variances of splats by on pictures of any size, pixels².
+const WIDENING: f64 = 0.3;
+
 /// The error of pictures from one of several views in each step.
 pub struct PictureObjective<'a> {
     pub picture: Picture,
     views: &'a Views,
     /// World position of the space of the splats, mm RAS.
     corner: DVec3,
+    widening: f32,
     ssim_weight: f32,
     rng: Pcg64,
     /// Views that still have their turn, the next one last.
@@ -38,15 +43,17 @@ impl<'a> PictureObjective<'a> {
         views: &'a Views,
         corner: DVec3,
         (splat_count, coefficients): (usize, usize),
-        ssim_weight: f64,
-        seed: u64,
+        options: &Options,
     ) -> Result<Self> {
+        // As wide in the scene as on pictures of the size that they are shown in.
+        let widening = WIDENING * (f64::from(views.size[0]) / f64::from(options.shown)).powi(2);
         Ok(PictureObjective {
             picture: Picture::new(gpu, splat_count, coefficients, views.size)?,
             views,
             corner,
-            ssim_weight: ssim_weight as f32,
-            rng: Pcg64::new(u128::from(seed), 0xa02_bdbf_7bb3_c0a7),
+            widening: widening as f32,
+            ssim_weight: options.ssim_weight as f32,
+            rng: Pcg64::new(u128::from(options.seed), 0xa02_bdbf_7bb3_c0a7),
             order: Vec::new(),
             chosen: None,
         })
@@ -67,7 +74,7 @@ impl<'a> PictureObjective<'a> {
         let (centre, radius) = self.views.ball;
         let middle = camera.forward().dot(centre - camera.eye);
         let depths = [(middle - 1.5 * radius).max(0.0) as f32, (middle + 1.5 * radius) as f32];
-        Shot { view: camera.view(self.corner), depths, background }
+        Shot { view: camera.view(self.corner), depths, widening: self.widening, background }
     }
 
     /// Leaves out the views of the first `turns` steps.

@@ -156,7 +156,7 @@ impl<'a> Training<'a> {
         let room = (count, coefficients);
         let mut training = Training {
             gpu: gpu.clone(),
-            objective: PictureObjective::new(gpu, views, corner, room, options.ssim_weight, options.seed)?,
+            objective: PictureObjective::new(gpu, views, corner, room, options)?,
             adam: Adam::new(gpu)?,
             state: AdamState::zeroed(gpu, count)?,
             colours: HarmonicsState::new(gpu, &rows)?,

@@ -36,6 +36,8 @@ pub struct Shot {
     pub view: View,
     /// Least and greatest depth of a splat, mm; others keep their order only among those that are inside.
     pub depths: [f32; 2],
+    /// What the variances of splats on the picture grow by, pixels²; viewers have 0.3.
+    pub widening: f32,
     /// Colour behind all splats.
     pub background: [f32; 3],
 }
@@ -216,6 +218,7 @@ impl Picture {
             view: shot.view,
             nearest: shot.depths[0],
             farthest: shot.depths[1],
+            widening: shot.widening,
             size: self.size,
             splat_count: self.splat_count as u32,
             coefficients: self.coefficients as u32,

@@ -22,17 +22,30 @@ pub fn colour(mean: DVec3, coefficients: &[DVec3], eye: &Eye) -> DVec3 {
     (sum + 0.5).max(DVec3::ZERO)
 }
 
-/// Returns a splat on a picture of `size` pixels; `None` if it cannot be seen.
-pub fn projected(splat: &Splat, coefficients: &[DVec3], eye: &Eye, size: [u32; 2]) -> Option<Quad> {
+/// Returns a splat on a picture of `size` pixels, widened by `widening` pixels²; `None` if it cannot be seen.
+pub fn projected(
+    splat: &Splat,
+    coefficients: &[DVec3],
+    eye: &Eye,
+    size: [u32; 2],
+    widening: f64,
+) -> Option<Quad> {
     let (material, light) = (Material::default(), Light::default());
-    let look = Look { material: &material, light: &light, dark: 0.0, planes: &[] };
+    let look = Look { material: &material, light: &light, dark: 0.0, planes: &[], widening };
     let face = Face::Own(colour(splat.mean, coefficients, eye));
     quad(splat, &face, &Appearance::default(), eye, size, &look)
 }
 
 /// Returns the picture, rows from above: the colour over the background, and what passes of it.
-pub fn picture(splats: &[(Splat, Vec<DVec3>)], eye: &Eye, size: [u32; 2], background: DVec3) -> Vec<DVec4> {
-    let mut quads: Vec<Quad> = splats.iter().filter_map(|(s, c)| projected(s, c, eye, size)).collect();
+pub fn picture(
+    splats: &[(Splat, Vec<DVec3>)],
+    eye: &Eye,
+    size: [u32; 2],
+    widening: f64,
+    background: DVec3,
+) -> Vec<DVec4> {
+    let mut quads: Vec<Quad> =
+        splats.iter().filter_map(|(s, c)| projected(s, c, eye, size, widening)).collect();
     quads.sort_by(|a, b| a.depth.total_cmp(&b.depth));
     let pixel = |i: u32| {
         let place = DVec2::new(f64::from(i % size[0]), f64::from(i / size[0])) + 0.5;

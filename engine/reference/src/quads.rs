@@ -30,6 +30,8 @@ pub struct Look<'a> {
     pub dark: f64,
     /// Clip planes: a splat whose centre has n · x + d < 0 is cut away.
     pub planes: &'a [[f64; 4]],
+    /// What the variances of standard splats on the picture grow by, pixels².
+    pub widening: f64,
 }
 
 /// Source of a splat's colour.
@@ -119,7 +121,7 @@ pub fn quad(
     let centre = (ray.truncate() - DVec2::new(left, up)) * scale;
     let (thickness, standard, colour) = match face {
         Face::Own(colour) => {
-            covariance += DMat2::from_diagonal(DVec2::splat(0.3));
+            covariance += DMat2::from_diagonal(DVec2::splat(look.widening));
             let opacity = object.opacity / (1.0 + (-splat.opacity_logit).exp());
             (opacity, true, tinted(*colour, object.tint))
         }

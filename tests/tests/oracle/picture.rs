@@ -61,7 +61,12 @@ fn stage(seed: u64, count: usize, degree: u8) -> Stage {
             (0..3).fold(opacity << 24, |word, c| word | rng.random_range(0..=opacity) << (8 * c))
         })
         .collect();
-    let shot = Shot { view: camera.view(DVec3::ZERO), depths: [20.0, 200.0], background: [0.2, 0.9, 0.5] };
+    let shot = Shot {
+        view: camera.view(DVec3::ZERO),
+        depths: [20.0, 200.0],
+        widening: [0.3, 0.02][seed as usize % 2],
+        background: [0.2, 0.9, 0.5],
+    };
     Stage { splats, coefficients, degree, shot, wanted }
 }
 
@@ -76,6 +81,10 @@ impl Stage {
 
     fn eye(&self) -> Eye {
         (&self.shot.view).into()
+    }
+
+    fn widening(&self) -> f64 {
+        f64::from(self.shot.widening)
     }
 
     /// The splats for the reference implementation.
@@ -94,7 +103,7 @@ impl Stage {
     }
 
     fn picture_of(&self, rows: &[Row]) -> Vec<DVec4> {
-        picture::picture(rows, &self.eye(), SIZE, wide(self.shot.background))
+        picture::picture(rows, &self.eye(), SIZE, self.widening(), wide(self.shot.background))
     }
 
     fn losses_of(&self, picture: &[DVec4]) -> [f64; 2] {
@@ -113,6 +122,7 @@ impl Stage {
             coefficients: self.basis() as u32,
             nearest: 20.0,
             farthest: FARTHEST,
+            widening: self.shot.widening,
         }
     }
 }
@@ -183,7 +193,9 @@ pub fn picture_project() {
         let Projected { seen, keys, .. } = projected(&gpu, &stage);
         let (mut places, mut shapes, mut values, mut steps) = (vec![], vec![], vec![], vec![]);
         for ((got, key), (s, c)) in seen.read().unwrap().iter().zip(keys).zip(stage.rows()) {
-            let Some(wanted) = picture::projected(&s, &c, &stage.eye(), SIZE) else { continue };
+            let Some(wanted) = picture::projected(&s, &c, &stage.eye(), SIZE, stage.widening()) else {
+                continue;
+            };
             let part = ((wanted.depth - 20.0) / (f64::from(FARTHEST) - 20.0)).clamp(0.0, 1.0);
             steps.push((f64::from(key), part * f64::from(shaders_glsl::picture::DEPTH_STEPS)));
             let unit = wanted.covariance.determinant().sqrt();
@@ -247,7 +259,7 @@ pub fn picture_pairs() {
         let own = offsets[rank] as usize..offsets[rank + 1] as usize;
         assert!(splats[own.clone()].iter().all(|&s| s == i as u32), "the pairs of splat {i} are together");
         let tiles = &keys[own];
-        let quad = picture::projected(s, c, &stage.eye(), SIZE);
+        let quad = picture::projected(s, c, &stage.eye(), SIZE, stage.widening());
         for tile in 0..columns * SIZE[1].div_ceil(8) {
             let drawn = |margin: f64| {
                 quad.as_ref().is_some_and(|quad| {

@@ -150,6 +150,7 @@ impl Stage {
             light: &self.look.light,
             dark: f64::from(dark),
             planes: &CUT.map(|p| p.map(f64::from)),
+            widening: 0.3,
         };
         let patches = hidden::lens_and_inset();
         let quad = |&i: &u32| {

@@ -45,7 +45,7 @@ def bake(
     Args:
         splats: The splats, with HU. Keep them: baked ones have none.
         tf, tf_shift, shade, occlusion, light, fill_light, box, planes, objects, hide: As of :func:`render`.
-        iterations: Steps, a picture each; None: 300. 0 for the colours that are found without pictures.
+        iterations: Steps, a picture each; None: 240. 0 for the colours that are found without pictures.
         time_budget: Seconds that the steps may take.
         max_splats: Most splats: of more the most important are kept, of fewer some are split where the pictures ask for
             it. None: twice as many as the transfer function shows.

@@ -32,6 +32,8 @@ shared! {
         nearest: f32,
         /// Depth of the greatest key, mm.
         farthest: f32,
+        /// What the variances of splats on the picture grow by, pixels².
+        widening: f32,
     }
     /// Push constants of `picture_pairs`.
     PicturePairParams {

@@ -5,16 +5,22 @@ use std::ops::ControlFlow;
 use std::path::PathBuf;
 
 use clap::Args;
-use engine::bake::{Options, bake};
+use engine::bake::{Options, bake, pictures};
 use engine::gpu::Gpu;
-use engine::render::Look;
-use engine::splat::{self, ReadOptions};
+use engine::image::psnr;
+use engine::render::{Look, Scene};
+use engine::splat::{self, ReadOptions, SplatSet};
 use engine::transfer::{FixedTo, Light};
 use engine::{Result, output, transfer};
 use glam::DVec3;
 
+use crate::images::views_of;
+
 /// The transfer functions.
 const FUNCTIONS: [&str; 3] = ["CT-Bones-Steep", "CT-Soft-Tissue", "CT-Bone"];
+
+/// Views that are not trained.
+const HELD_OUT: usize = 8;
 
 /// The lights: none, the usual one where a viewer in front has it and where it stays, one at the viewer, and the usual one,
 /// which turns with the camera.
@@ -55,8 +61,8 @@ pub struct BakeArguments {
 /// Those of reading, baking and writing.
 pub fn run(gpu: &Gpu, arguments: &BakeArguments) -> Result<()> {
     output::check_writable(&arguments.out, arguments.force)?;
-    let mut table = "case,function,light,splats_before,splats,psnr_before_db,psnr_db,worst_psnr_db,\
-                     iterations,pictures_s,steps_s\n"
+    let mut table = "case,function,light,splats_before,splats,size,psnr_before_db,psnr_db,worst_psnr_db,\
+                     reported_psnr_db,iterations,pictures_s,steps_s\n"
         .to_owned();
     for path in &arguments.splats {
         let set = splat::read(path, &ReadOptions::default())?;
@@ -68,24 +74,36 @@ pub fn run(gpu: &Gpu, arguments: &BakeArguments) -> Result<()> {
             let mut transfer = transfer::load(function, range)?;
             transfer.material.shade = light.is_some();
             let look = Look { light: light.unwrap_or_default(), ..Look::new(transfer) };
-            let seen = engine::render::baked(gpu, &set, &look)?.set.splats.len();
+            let before = engine::render::baked(gpu, &set, &look)?.set;
+            let seen = before.splats.len();
             if seen == 0 {
                 continue;
             }
             let options = Options {
                 iterations: arguments.iterations,
                 max_splats: Some((arguments.factor * seen as f64).max(1.0) as usize),
+                held_out: HELD_OUT,
                 ..Options::default()
             };
             let baked = bake(gpu, &set, &look, &options, None, &mut |_| ControlFlow::Continue(()))?;
             let report = &baked.report;
+            // As large as they are shown, which the report only samples.
+            let scene = Scene::new(gpu, Some(&set), None, &look)?;
+            let views = views_of(gpu, &scene, "decoded", (HELD_OUT, 0.5), options.shown)?;
+            let wanted = views.pictures()?;
+            let near = |set: &SplatSet| -> Result<Vec<f64>> {
+                pictures(gpu, set, &views)?.iter().zip(&wanted).map(|(a, b)| psnr(a, b)).collect()
+            };
+            let (before, after) = (near(&before)?, near(&baked.set)?);
             let mean = |views: &[f64]| views.iter().sum::<f64>() / views.len() as f64;
             let row = format!(
-                "{name},{function},{name_of_light},{seen},{},{:.2},{:.2},{:.2},{},{:.1},{:.1}",
+                "{name},{function},{name_of_light},{seen},{},{},{:.2},{:.2},{:.2},{:.2},{},{:.1},{:.1}",
                 baked.set.splats.len(),
-                mean(&report.before),
+                options.shown,
+                mean(&before),
+                mean(&after),
+                after.iter().copied().fold(f64::INFINITY, f64::min),
                 mean(&report.after),
-                report.after.iter().copied().fold(f64::INFINITY, f64::min),
                 report.steps,
                 report.rendering_s,
                 report.training_s

@@ -77,6 +77,25 @@ pub struct ImagesArguments {
     force: bool,
 }
 
+/// Returns the pictures of a scene from places all around.
+///
+/// # Errors
+/// Those of the renderer.
+pub fn views_of(
+    gpu: &Gpu,
+    scene: &Scene,
+    mode: &str,
+    (count, shift): (usize, f64),
+    size: u32,
+) -> Result<Views> {
+    Views::of_scene(gpu, scene, mode, (count, shift), size, &mut |_| true)?.ok_or_else(given_up)
+}
+
+/// Returns the error of pictures that nobody gives up.
+pub fn given_up() -> Error {
+    Error::new(Kind::Internal, "VGS-BEN-064", "pictures that were given up")
+}
+
 /// Pictures of a way to show the volume, by its function and by the other one.
 struct Shown {
     name: &'static str,
@@ -104,10 +123,8 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
     let (as_shown, region) = volume::shown(&volume, Some(&roi), BetweenSlices::default(), Edges::default());
     let source = VolumeSource { volume: &as_shown, roi: region.as_deref() };
     let mut scene = Scene::new(gpu, None, Some(&source), &looks[0])?;
-    let views = |scene: &Scene, count, shift| {
-        Views::of_scene(gpu, scene, OF_VOLUMES, (count, shift), arguments.size, &mut |_| true)?
-            .ok_or_else(given_up)
-    };
+    let views =
+        |scene: &Scene, count, shift| views_of(gpu, scene, OF_VOLUMES, (count, shift), arguments.size);
     let begun = std::time::Instant::now();
     let trained = views(&scene, arguments.views, 0.0)?;
     let pictures_s = begun.elapsed().as_secs_f64();
@@ -152,6 +169,7 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
     let long = Options {
         views: arguments.views,
         iterations: arguments.steps,
+        shown: arguments.size,
         max_splats: Some(most),
         rates: Rates::PUBLISHED,
         ..Options::default()
@@ -185,7 +203,7 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
         let drawn = pictures(gpu, &done.set, &held_out)?;
         row(name, &done.set, done.report.steps, done.report.training_s, [drawn.clone(), drawn])?;
     }
-    let options = Options { max_splats: Some(most), ..Options::default() };
+    let options = Options { shown: arguments.size, max_splats: Some(most), ..Options::default() };
     let baked = bake(gpu, &fit, &looks[0], &options, None, &mut |_| ControlFlow::Continue(()))?;
     let drawn = pictures(gpu, &baked.set, &held_out)?;
     let seconds = arguments.fit_time + baked.report.rendering_s + baked.report.training_s;
@@ -197,10 +215,6 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
         write(path, &figure(&shown, [&arguments.function, &arguments.other]), None, &options)?;
     }
     Ok(())
-}
-
-fn given_up() -> Error {
-    Error::new(Kind::Internal, "VGS-BEN-064", "pictures that were given up")
 }
 
 /// Returns the mean of a measure over pairs of pictures.

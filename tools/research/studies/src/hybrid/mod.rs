@@ -27,6 +27,8 @@ use rand::seq::SliceRandom;
 use rand_pcg::Pcg64;
 use rays::{Rays, Table};
 
+use crate::images::{given_up, views_of};
+
 /// Learning rates, as a share of those of a fit from nothing: the splats are where they belong.
 const RATES: f32 = 0.35;
 /// Share of a round in the derivative that is followed: the mean of many views moves less.
@@ -116,9 +118,7 @@ pub fn run(gpu: &Gpu, arguments: &HybridArguments) -> Result<()> {
     let shown = shown(&volume, &roi)?;
     let source = VolumeSource { volume: &shown.0, roi: Some(&shown.1) };
     let mut scene = Scene::new(gpu, None, Some(&source), &looks[0])?;
-    let views = |count, shift, size| {
-        Views::of_scene(gpu, &scene, OF_VOLUMES, (count, shift), size, &mut |_| true)?.ok_or_else(given_up)
-    };
+    let views = |count, shift, size| views_of(gpu, &scene, OF_VOLUMES, (count, shift), size);
     let case = Case {
         gpu,
         volume: &volume,
@@ -180,10 +180,6 @@ fn shown(volume: &Volume, roi: &Roi) -> Result<(Volume, Roi, [usize; 3])> {
     // The box may begin before the volume does: then it is counted from below.
     let first = corner.round().to_array().map(|at| at as isize as usize);
     Ok((shown.into_owned(), region.into_owned(), first))
-}
-
-fn given_up() -> Error {
-    Error::new(Kind::Internal, "VGS-BEN-064", "pictures that were given up")
 }
 
 /// Returns the configuration of iterations that go on from these splats (voxel space).
