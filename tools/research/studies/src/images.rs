@@ -6,7 +6,7 @@
 
 use std::fmt::Write as _;
 use std::ops::ControlFlow;
-use std::path::PathBuf;
+use std::path::{Path, PathBuf};
 use std::time::Duration;
 
 use clap::Args;
@@ -35,19 +35,17 @@ const LETTERS: f32 = 18.0;
 #[command(after_help = "\
 Example:
   vgs fit ct.nii.gz --roi bones.nii.gz -o bones.ply
-  studies images ct.nii.gz --roi bones.nii.gz --fit bones.ply --steps 7000 --fit-time 60 --figure images.png")]
+  studies images ct.nii.gz --roi bones.nii.gz --fit bones.ply --steps 7000 --figure images.png")]
 pub struct ImagesArguments {
     /// The volume.
     volume: PathBuf,
     /// The mask of the region.
     #[arg(long)]
     roi: PathBuf,
-    /// A fit of both, as many splats as which are trained.
+    /// A fit of both, as many splats as which are trained, with the record that `vgs fit` writes beside it: rows of equal
+    /// time are trained as long as it took.
     #[arg(long)]
     fit: PathBuf,
-    /// Time that the fit took, s: as long are splats trained for the rows of equal time.
-    #[arg(long)]
-    fit_time: f64,
     /// Transfer function of the pictures.
     #[arg(long, default_value = "CT-Bone")]
     function: String,
@@ -102,6 +100,32 @@ struct Shown {
     pictures: [Vec<Image>; 2],
 }
 
+/// What a method takes.
+#[derive(Clone, Copy)]
+struct Cost {
+    /// Time, s.
+    seconds: f64,
+    /// Most device memory, with the pictures that are trained.
+    bytes: u64,
+}
+
+impl Cost {
+    /// Returns that of a fit, from its record.
+    fn of_record(path: &Path) -> Result<Self> {
+        let text = std::fs::read(path).map_err(|e| Error::io(path, "reading", &e))?;
+        let record: serde_json::Value = serde_json::from_slice(&text).unwrap_or_default();
+        let results = &record["results"];
+        let Some((seconds, bytes)) = results["seconds"].as_f64().zip(results["device_peak_bytes"].as_u64())
+        else {
+            let message = "no record of a finished fit";
+            return Err(Error::new(Kind::BadData, "VGS-BEN-068", message)
+                .file(path)
+                .help("fit anew: vgs fit"));
+        };
+        Ok(Cost { seconds, bytes })
+    }
+}
+
 /// Trains, renders and measures.
 ///
 /// # Errors
@@ -112,6 +136,7 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
     let mask = Volume::read(&arguments.roi, &volume::ReadOptions::default())?;
     let roi = Roi::from_mask(&mask, &LabelChoice::Whole, &volume)?;
     let fit = splat::read(&arguments.fit, &splat::ReadOptions::default())?;
+    let of_fit = Cost::of_record(&arguments.fit.with_extension("run.json"))?;
     let range = fit.intensity_range().unwrap_or([0.0, 1.0]);
     let mut looks = Vec::new();
     for name in [&arguments.function, &arguments.other] {
@@ -129,6 +154,7 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
     let trained = views(&scene, arguments.views, 0.0)?;
     let pictures_s = begun.elapsed().as_secs_f64();
     eprintln!("{} pictures of {1}x{1} in {pictures_s:.0} s", arguments.views, arguments.size);
+    let pictures_bytes = trained.wanted.iter().map(|wanted| wanted.bytes()).sum::<u64>();
     let held_out = views(&scene, arguments.held_out, 0.5)?;
     scene.set_look(&looks[1])?;
     let changed = views(&scene, arguments.held_out, 0.5)?;
@@ -137,20 +163,22 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
     let case = arguments.fit.file_stem().unwrap_or_default().to_string_lossy().into_owned();
     let mut table =
         "case,function,method,splats,bytes,steps,training_s,pictures,pictures_s,psnr_db,ssim,flip,\
-                     other_function,other_psnr_db\n"
+                     device_bytes,other_function,other_psnr_db\n"
             .to_owned();
     let mut shown = vec![Shown { name: "volume", pictures: truth.clone() }];
-    let mut row = |name: &'static str, set: &SplatSet, steps: u32, seconds: f64, both: [Vec<Image>; 2]| {
+    let mut row = |name: &'static str, set: &SplatSet, steps: u32, cost: Cost, both: [Vec<Image>; 2]| {
         let pictures = if steps > 0 { arguments.views } else { 0 };
         let [db, other_db] = [mean(psnr, &truth[0], &both[0])?, mean(psnr, &truth[1], &both[1])?];
         let ssim = mean(ssim, &truth[0], &both[0])?;
         let flip = mean(|a, b| Ok(flip(a, b)?.mean), &truth[0], &both[0])?;
         let row = format!(
-            "{case},{},{name},{},{},{steps},{seconds:.0},{pictures},{:.0},{db:.2},{ssim:.3},{flip:.3},{},{other_db:.2}",
+            "{case},{},{name},{},{},{steps},{:.0},{pictures},{:.0},{db:.2},{ssim:.3},{flip:.3},{},{},{other_db:.2}",
             arguments.function,
             set.splats.len(),
             bytes(set)?,
+            cost.seconds,
             if steps > 0 { pictures_s } else { 0.0 },
+            cost.bytes,
             arguments.other,
         );
         println!("{row}");
@@ -163,7 +191,7 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
         let scene = Scene::new(gpu, Some(&fit), None, &looks[i])?;
         held_out.of_same_cameras(gpu, &scene, "decoded")?.ok_or_else(given_up)?.pictures()
     };
-    row("fit", &fit, 0, arguments.fit_time, [decoded(0)?, decoded(1)?])?;
+    row("fit", &fit, 0, of_fit, [decoded(0)?, decoded(1)?])?;
 
     let most = fit.splats.len();
     let long = Options {
@@ -176,7 +204,7 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
     };
     let short = Options {
         iterations: u32::MAX,
-        time_budget: Some(Duration::from_secs_f64(arguments.fit_time)),
+        time_budget: Some(Duration::from_secs_f64(of_fit.seconds)),
         ..long.clone()
     };
     let random = start(held_out.ball, None, &looks[0], most)?;
@@ -191,9 +219,13 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
             Options { rates: Rates::SHORT, ..short },
         ),
     ];
+    let used = || gpu.memory_by_purpose().values().sum::<u64>();
+    let others = used() - pictures_bytes;
     for (name, first, options) in ways {
+        let mut most = 0;
         let done =
             train(gpu, first.clone(), 0, [&trained, &held_out], &options, None, &mut |step, share| {
+                most = most.max(used());
                 if step.is_multiple_of(500) {
                     eprintln!("{name}: {step} steps, {:.0} %", 100.0 * share);
                 }
@@ -201,13 +233,21 @@ pub fn run(gpu: &Gpu, arguments: &ImagesArguments) -> Result<()> {
             })?;
         // Its colours are what they are.
         let drawn = pictures(gpu, &done.set, &held_out)?;
-        row(name, &done.set, done.report.steps, done.report.training_s, [drawn.clone(), drawn])?;
+        let cost = Cost { seconds: done.report.training_s, bytes: most - others };
+        row(name, &done.set, done.report.steps, cost, [drawn.clone(), drawn])?;
     }
     let options = Options { shown: arguments.size, max_splats: Some(most), ..Options::default() };
-    let baked = bake(gpu, &fit, &looks[0], &options, None, &mut |_| ControlFlow::Continue(()))?;
+    let (others, mut most) = (used(), 0);
+    let baked = bake(gpu, &fit, &looks[0], &options, None, &mut |_| {
+        most = most.max(used());
+        ControlFlow::Continue(())
+    })?;
     let drawn = pictures(gpu, &baked.set, &held_out)?;
-    let seconds = arguments.fit_time + baked.report.rendering_s + baked.report.training_s;
-    row("fit, then bake", &baked.set, baked.report.steps, seconds, [drawn.clone(), drawn])?;
+    let cost = Cost {
+        seconds: of_fit.seconds + baked.report.rendering_s + baked.report.training_s,
+        bytes: (most - others).max(of_fit.bytes),
+    };
+    row("fit, then bake", &baked.set, baked.report.steps, cost, [drawn.clone(), drawn])?;
 
     output::write_atomic(&arguments.out, arguments.force, |file| file.write_all(table.as_bytes()))?;
     if let Some(path) = &arguments.figure {

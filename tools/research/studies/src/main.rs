@@ -30,7 +30,7 @@ of the frame budget
   studies model *.ply --out DIR       what a standalone headset would take for a frame
   studies code ct.nii.gz --roi bones.nii.gz    bytes of a region with a bound on every voxel's error
   studies bake bones.ply      how near splats for other viewers come to the pictures of a fit
-  studies images ct.nii.gz --roi bones.nii.gz --fit bones.ply --fit-time 60    splats trained by pictures beside a fit
+  studies images ct.nii.gz --roi bones.nii.gz --fit bones.ply    splats trained by pictures beside a fit
   studies hybrid ct.nii.gz --roi bones.nii.gz --fit bones.ply    a fit sharpened by pictures of several functions
   studies seams ct.nii.gz --whole bones.vgs bones/*.vgs    whether a fit in blocks shows where they meet
   studies soak --minutes 60           whether memory stays as it is"
