@@ -12,8 +12,8 @@
 //        VGS is the program, by its path (tools/vgs, say); SPLATS.ply a file of `vgs convert FIT -o SPLATS.ply --tf PRESET`;
 //        PICTURES a new folder for all pictures
 //        ONLY=spark,glb in the environment leaves out other viewers and formats, and keeps the table as it is;
-//        OF='FIT.ply --tf PRESET' compares both also with `vgs render OF --mode decoded`, what `vgs bake OF` made
-//        SPLATS.ply of, and keeps the table as well
+//        BAKED='FIT.ply --tf PRESET', for SPLATS.ply of `vgs bake FIT.ply --tf PRESET`, also compares both with
+//        `vgs render FIT.ply --tf PRESET --mode decoded`: baked-viewers.csv beside that table
 // Needs VGS_PAGE, the folder of `tools/setup page` (VGS_PAGE=$(tools/setup --where page); $VGS_PAGE/node/bin/node runs
 // this) and, the first time, npm's registry: the packages of viewers/package-lock.json, 400 MB, go into a folder of
 // VGS_PAGE. Takes about ten minutes on two cores.
@@ -28,7 +28,8 @@ import { fileURLToPath } from 'node:url';
 
 const SIZE = 512;
 const HERE = dirname(fileURLToPath(import.meta.url));
-const TABLE = join(HERE, '../../docs/results/data/other-viewers.csv');
+const BAKED = process.env.BAKED?.split(' ');
+const TABLE = join(HERE, '../../docs/results/data', BAKED ? 'baked-viewers.csv' : 'other-viewers.csv');
 
 /** From mm RAS to the axes and units of a format (docs/design/file-formats.md). */
 const AXES = {
@@ -218,7 +219,6 @@ const ours = write(folder, packages);
 const { server, address } = await serve(packages, folder);
 const browser = await launch();
 const only = process.env.ONLY?.split(',') ?? [];
-const of = process.env.OF?.split(' ');
 const wanted = (name, all) => only.includes(name) || !only.some((other) => all.includes(other));
 const pages = VIEWERS.map((viewer) => viewer.page);
 const rows = [];
@@ -229,23 +229,23 @@ for (const [view, camera] of Object.entries(cameras())) {
     const render = (picture, ...words) =>
         run(vgs, 'render', ...words, '--camera', json, '--size', `${SIZE}x${SIZE}`, '-o', picture);
     const decoded = join(folder, `${view}-decoded.png`);
-    if (of) render(decoded, ...of, '--mode', 'decoded');
+    if (BAKED) render(decoded, ...BAKED, '--mode', 'decoded');
     for (const format of FORMATS.filter((format) => wanted(format, FORMATS))) {
         const picture = join(folder, `${view}-${format}-vgs.png`);
         render(picture, ours[format], '--mode', 'alpha');
         for (const viewer of VIEWERS.filter(({ page, formats }) => formats.includes(format) && wanted(page, pages))) {
             const { page, package: name, options, note, fails } = viewer;
-            const row = { viewer: name, version: version(name), format, view, psnr_db: '', note };
+            const row = { viewer: name, version: version(name), format, view, psnr_db: '' };
+            if (BAKED) Object.assign(row, { decoded_db: '', vgs_decoded_db: '' });
+            row.note = note;
             if (fails?.[format]) row.note = `fails: ${fails[format]}`;
             else try {
                 const theirs = await shown(browser, address, { viewer, format, camera });
                 writeFileSync(join(folder, `${view}-${format}-${page}${options ? '-set' : ''}.png`), theirs);
                 const mine = readFileSync(picture);
                 row.psnr_db = psnr(theirs, mine).toFixed(1);
-                if (of) {
-                    const [ofTheirs, ofMine] = [theirs, mine].map((shown) => psnr(shown, readFileSync(decoded)).toFixed(1));
-                    row.note = `${ofTheirs} dB of what was baked; vgs has ${ofMine}; ${note}`;
-                }
+                const near = (shown) => psnr(shown, readFileSync(decoded)).toFixed(1);
+                if (BAKED) Object.assign(row, { decoded_db: near(theirs), vgs_decoded_db: near(mine) });
             } catch (error) {
                 row.note = `fails: ${error.message.replaceAll(/[",\n]/g, ' ')}`;
                 process.exitCode = 1;
@@ -259,7 +259,7 @@ await browser.close();
 server.close();
 const columns = Object.keys(rows[0]);
 const lines = [columns, ...rows.map((row) => Object.values(row))].map((cells) => `${cells.join(',')}\n`);
-if (!only.length && !of) writeFileSync(TABLE, lines.join(''));
+if (!only.length) writeFileSync(TABLE, lines.join(''));
 if (pictures) cpSync(folder, resolve(pictures), { recursive: true });
 rmSync(folder, { recursive: true });
 
