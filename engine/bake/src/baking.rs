@@ -39,7 +39,8 @@ pub enum Progress {
     Training(u32, f64),
 }
 
-/// How near the pictures of the splats come to those that are wanted, on views that were not trained: PSNR over black, dB.
+/// How near the pictures of the splats come to those that are wanted, on views that were not trained: PSNR over black, dB,
+/// of pictures as large as [`Options::shown`], of which those of the views have some of the pixels.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Report {
     /// Of the splats at the beginning, view by view.

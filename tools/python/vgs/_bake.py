@@ -50,7 +50,7 @@ def bake(
         max_splats: Most splats: of more the most important are kept, of fewer some are split where the pictures ask for
             it. None: twice as many as the transfer function shows.
         views: Pictures, all around, that the splats are fitted to; None: 96.
-        size: Width and height of these pictures, pixels; None: 256.
+        size: Width and height of these pictures, pixels; None: 256. The splats are made for pictures of 1024 either way.
         degree: Degree of the harmonics by which colours depend on the direction, 0 to 3. None: 3 with a light that turns
             with the camera, 2 with one of the patient, else 0.
         seed: Seed of the order of the pictures.

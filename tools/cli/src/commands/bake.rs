@@ -82,7 +82,7 @@ pub struct BakeArguments {
     /// Pictures, all around, that the splats are fitted to
     #[arg(long, value_name = "N", default_value_t = Options::default().views, help_heading = "Quality")]
     views: usize,
-    /// Width and height of these pictures, pixels
+    /// Width and height of these pictures, pixels; the splats are made for pictures of 1024 either way
     #[arg(long, value_name = "PIXELS", default_value_t = Options::default().size, help_heading = "Quality")]
     size: u32,
     /// Degree of the harmonics by which colours depend on the direction, 0 to 3 [default: 3 with a
