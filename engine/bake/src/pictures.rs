@@ -23,6 +23,7 @@ pub struct PictureObjective<'a> {
     views: &'a Views,
     /// World position of the space of the splats, mm RAS.
     corner: DVec3,
+    /// That of splats on these pictures, pixels².
     widening: f32,
     ssim_weight: f32,
     rng: Pcg64,
